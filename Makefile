@@ -71,7 +71,7 @@ pictures: $(TEST_TOOLS) $(INSTALLED)-pictures
 	$(VENV)/bin/python docs/pictures.py
 
 clean:
-	rm -rf build dist install log $(VENV) .venv-* dummy_arm.egg-info compat/build compat/*.egg-info
+	rm -rf build dist install log $(VENV) .venv-* *.egg-info compat/build compat/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find * -name __pycache__ -prune -exec rm -r {} +
 

@@ -26,16 +26,17 @@ class BuildWithPage(build_py):
 
     def finalize_options(self):
         super().finalize_options()
-        self.data_files.append((f'{package_name}.doctor', 'docs', os.path.join(
-            self.build_lib, package_name, 'doctor'), ['troubleshooting.md']))
+        self.data_files.append(('puretf_tools.doctor', 'docs', os.path.join(
+            self.build_lib, 'puretf_tools', 'doctor'), ['troubleshooting.md']))
 
 
 setup(
     name=package_name,
-    version='0.3.0',
+    version='0.4.0',
     cmdclass={'build_py': BuildWithPage},
-    packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={package_name: ['py.typed', 'urdf/*.urdf']},
+    packages=find_packages(include=[package_name, f'{package_name}.*', 'puretf', 'puretf.*',
+                                    'puretf_tools', 'puretf_tools.*']),
+    package_data={'': ['py.typed'], package_name: ['urdf/*.urdf']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -94,10 +95,13 @@ setup(
     ],
     entry_points={
         'console_scripts': [
-            f'{command} = dummy_arm.cli.entry_points:{command}' for command in (
-                'check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'joint_state_publisher', 'param',
-                'robot_state_publisher', 'static_transform_publisher', 'tf2_echo', 'tf2_monitor',
-                'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')
+            f'{command} = {package}.entry_points:{command}' for package, commands in {
+                'dummy_arm': ('check_arm', 'dummy_arm', 'dynamic_tf_publisher'),
+                'puretf_tools': (
+                    'joint_state_publisher', 'param', 'robot_state_publisher',
+                    'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
+                    'tf_trajectory', 'view_frames', 'web_view'),
+            }.items() for command in commands
         ],
     },
 )

@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, MessageFilter, TransformBroadcaster, TransformListener
+from puretf import Buffer, MessageFilter, TransformBroadcaster, TransformListener
 
 TOPIC = 'points'
 RATE, SECONDS = 1000, 10

@@ -8,12 +8,12 @@ from time import perf_counter
 from measure import best, Row
 import numpy as np
 
-from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf._core import pose as poses
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.pose import IDENTITY
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.message_reader import MessageReader
+from puretf import TransformBuffer, TransformException
+from puretf._core import pose as poses
+from puretf._core.engine import engine_of
+from puretf._core.pose import IDENTITY
+from puretf._wire import cdr
+from puretf._wire.message_reader import MessageReader
 
 _S = 10**9
 _PARENTS, _FRAMES = 20_000, 100_000

@@ -13,9 +13,9 @@ os.environ.setdefault('ROS_DOMAIN_ID', '97')
 from measure import resident
 import rclpy
 
-from dummy_arm.tf import TFMessage
-from dummy_arm.tf._core.pose import IDENTITY
-from dummy_arm.tf.buffer_core import to_message
+from puretf import TFMessage
+from puretf._core.pose import IDENTITY
+from puretf.buffer_core import to_message
 
 
 def main(count: int = 1_000_000) -> None:

@@ -12,10 +12,10 @@ from measure import cost, has_real_tf2, resident, Row
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.message_reader import MessageReader
+from puretf import TransformBuffer
+from puretf._core.engine import engine_of
+from puretf._wire import cdr
+from puretf._wire.message_reader import MessageReader
 
 ROLES = str(Path(__file__).parent / 'roles.py')
 MS = 1_000_000

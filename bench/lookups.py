@@ -16,9 +16,9 @@ import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, TransformBuffer
-from dummy_arm.tf._core.pose import Pose
-from dummy_arm.tf.buffer_core import to_message
+from puretf import Buffer, TransformBuffer
+from puretf._core.pose import Pose
+from puretf.buffer_core import to_message
 
 S = 1_000_000_000
 T = 1_700_000_000 * S

@@ -41,7 +41,7 @@ def has_real_tf2() -> bool:
 
 def imports() -> Iterator[Row]:
     """Yield the time of a process that imports a buffer and a listener, by both of their names."""
-    codes = ['import rclpy.node', 'from dummy_arm.tf import Buffer, TransformListener',
+    codes = ['import rclpy.node', 'from puretf import Buffer, TransformListener',
              'from tf2_ros import Buffer, TransformListener']
     seconds = [float('inf')] * len(codes)
     for _ in range(20):

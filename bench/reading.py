@@ -25,13 +25,13 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from dummy_arm.tf import bag, TransformBuffer
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.pose import IDENTITY
-from dummy_arm.tf._core.pose import Row as TransformRow
-from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.message_reader import MessageReader
-from dummy_arm.tools import tf_doctor
+from puretf import bag, TransformBuffer
+from puretf._core.engine import engine_of
+from puretf._core.pose import IDENTITY
+from puretf._core.pose import Row as TransformRow
+from puretf._wire import cdr, ros1
+from puretf._wire.message_reader import MessageReader
+from puretf_tools.commands import tf_doctor
 
 TF = 'tf2_msgs/msg/TFMessage'
 MS = 1_000_000

@@ -32,7 +32,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from visualization_msgs.msg import InteractiveMarkerPose, InteractiveMarkerUpdate
 
-from dummy_arm.tf import Buffer, TFMessage, TransformBroadcaster, TransformListener
+from puretf import Buffer, TFMessage, TransformBroadcaster, TransformListener
 
 SECONDS = 4.0
 LATENCIES = 500

@@ -16,10 +16,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from dummy_arm.tf import TFMessage, TransformBroadcaster
+from puretf import TFMessage, TransformBroadcaster
 
 TICKS = 10_000
-ARM = (sys.executable, '-c', 'from dummy_arm.cli.entry_points import dummy_arm; dummy_arm()')
+ARM = (sys.executable, '-c', 'from dummy_arm.entry_points import dummy_arm; dummy_arm()')
 
 
 def transforms(count: int) -> list[TransformStamped]:
@@ -86,7 +86,7 @@ from std_msgs.msg import String
 rclpy.init()
 publisher = rclpy.create_node('other').create_publisher(String, 'text', 1)
 own = _rclpy.Publisher.publish
-import dummy_arm.tf.transform_broadcaster
+import puretf.transform_broadcaster
 ways = own, _rclpy.Publisher.publish
 times = [], []
 for _ in range(5):

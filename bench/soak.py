@@ -68,7 +68,7 @@ class Lookups:
         """
         import rclpy
 
-        from dummy_arm.tf import Buffer, TransformListener
+        from puretf import Buffer, TransformListener
 
         rclpy.init()
         node = rclpy.create_node('soak')
@@ -92,7 +92,7 @@ class Lookups:
 
     def _look(self, now: int) -> str:
         """Do one lookup at a time (ns); return what is wrong with it, or ''."""
-        from dummy_arm.tf import LookupException, TransformException
+        from puretf import LookupException, TransformException
         kind = self._number % 20
         try:
             if kind == 0:  # not there yet: wait for it
@@ -178,8 +178,9 @@ class Soak:
 
     def command(self, name: str, command: str) -> None:
         """Start a command of the package."""
+        package = 'dummy_arm' if command == 'dummy_arm' else 'puretf_tools'
         self.start(name, sys.executable, '-u', '-c',
-                   f'import sys, dummy_arm.cli.entry_points as e; sys.exit(e.{command}())')
+                   f'import sys, {package}.entry_points as e; sys.exit(e.{command}())')
 
     def output(self, name: str) -> str:
         """Return what a process has printed."""

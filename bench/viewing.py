@@ -10,7 +10,7 @@ from listening import play
 from measure import best, cpu_seconds, Row
 from playwright.sync_api import sync_playwright
 
-from dummy_arm.tf import TransformBuffer
+from puretf import TransformBuffer
 
 FRAMES, RATE = 500, 100.0
 SECONDS = 10.0
@@ -43,7 +43,7 @@ def showing() -> Iterator[Row]:
     if chromium is None:
         yield ('web_view', 'not measured', '', 'there is no chromium')
         return
-    code = 'import sys, dummy_arm.cli.entry_points as e; sys.exit(e.web_view())'
+    code = 'import sys, puretf_tools.entry_points as e; sys.exit(e.web_view())'
     with (play('send', 'tf', str(RATE), str(FRAMES), '100') as sender,
           subprocess.Popen([sys.executable, '-u', '-c', code], stdout=subprocess.PIPE, text=True
                            ) as view, sync_playwright() as playwright):

@@ -6,8 +6,9 @@ from typing import Any
 
 from sphinx.util.logging import getLogger
 
-from dummy_arm import doctor, robot, tf
-from dummy_arm.tf import bag, formatting
+import puretf
+from puretf import bag, formatting
+from puretf_tools import doctor, robot
 
 _metadata = metadata('dummy_arm')
 project = _metadata['Name']
@@ -23,7 +24,7 @@ html_show_copyright = False
 # Links of the pages to headings, such as (library.md#without-ros).
 myst_heading_anchors = 3
 
-# In docstrings, `name` is code; of the same class or module, and of dummy_arm.tf, also a link.
+# In docstrings, `name` is code; of the same class or module, and of puretf, also a link.
 default_role = 'py:obj'
 smartquotes_action = 'De'  # dashes, but no quotes: they are part of Python
 add_module_names = False
@@ -60,19 +61,19 @@ def _drop_private_bases(_app: Any, _name: str, _object: Any, _options: Any, base
 
 def _change_docstring(_app: Any, _kind: str, _name: str, _object: Any, _options: Any,
                       lines: list[str]) -> None:
-    """Let names of dummy_arm.tf be links, and drop the docstrings that NamedTuple writes."""
+    """Let names of puretf be links, and drop the docstrings that NamedTuple writes."""
     lines[:] = [re.sub(r'(?<!`)`((\w+)(\.\w+)?)`(?!`)', _link_to_name, line) for line in lines
                 if not line.startswith(('Alias for field number', 'Create new instance of'))]
 
 
 def _link_to_name(match: re.Match[str]) -> str:
-    return f'`{match[1]} <dummy_arm.tf.{match[1]}>`' if match[2] in tf.__all__ else match[0]
+    return f'`{match[1]} <puretf.{match[1]}>`' if match[2] in puretf.__all__ else match[0]
 
 
 def _find_missing_names(_app: Any, environment: Any) -> None:
     """Warn of public names that the reference lacks."""
     found = environment.domains.python_domain.objects
-    for module in doctor, robot, tf, bag, formatting:
+    for module in doctor, robot, puretf, bag, formatting:
         for name in module.__all__:
             if f'{module.__name__}.{name}' not in found:
                 getLogger(__name__).warning('%s.%s is not in the reference', module.__name__, name)

@@ -25,7 +25,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from dummy_arm.arm import Arm
-from dummy_arm.tf import Buffer, TransformListener
+from puretf import Buffer, TransformListener
 
 DOCS = Path(__file__).parent
 COMMANDS = Path(sys.executable).parent

@@ -1,1 +1,1 @@
-"""TF of ROS 2 in pure Python, and a small robot arm that waves, published as TF."""
+"""A small robot arm that waves, published as TF, and the lab around it."""

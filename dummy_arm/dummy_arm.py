@@ -24,10 +24,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from dummy_arm.arm import Arm, Wave
-from dummy_arm.cli.node import run_node
-from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
-from dummy_arm.tf import PreparedTransforms, StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.formatting import comma_list, in_log, quoted, SECOND, suggest_names
+from puretf import PreparedTransforms, StaticTransformBroadcaster, TransformBroadcaster
+from puretf.formatting import comma_list, in_log, quoted, SECOND, suggest_names
+from puretf_tools.cli.node import run_node
+from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 
 MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).
@@ -288,5 +288,5 @@ def main(args: Optional[Sequence[str]] = None) -> int:
 
 
 if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
+    from dummy_arm import entry_points
     raise SystemExit(entry_points.dummy_arm())

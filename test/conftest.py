@@ -60,7 +60,7 @@ def logs() -> Iterator[list[logging.LogRecord]]:
             records.append(record)
 
     handler = Recorder(logging.WARNING)
-    logger = logging.getLogger('dummy_arm.tf')
+    logger = logging.getLogger('puretf')
     logger.addHandler(handler)
     yield records
     logger.removeHandler(handler)

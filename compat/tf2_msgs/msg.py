@@ -1,9 +1,9 @@
 """The messages of tf2_msgs."""
 
-import _dummy_arm_tf2.ros  # noqa: F401, I001
-
+import _dummy_arm_tf2.ros  # noqa: F401
 from _dummy_arm_tf2.unavailable import Unavailable
-from dummy_arm.tf import TFMessage as TFMessage
+
+from puretf import TFMessage as TFMessage
 
 __all__ = ['TF2Error', 'TFMessage']
 

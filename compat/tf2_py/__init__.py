@@ -1,22 +1,20 @@
 """
-The names of tf2_py, from `dummy_arm.tf`.
+The names of tf2_py, from `puretf`.
 
 The exceptions need no ROS. `BufferCore` needs it, and is imported on its first use.
 """
 
 from typing import Any, TYPE_CHECKING
 
-import _dummy_arm_tf2  # noqa: F401
-
-from dummy_arm.tf.exceptions import ConnectivityException as ConnectivityException
-from dummy_arm.tf.exceptions import ExtrapolationException as ExtrapolationException
-from dummy_arm.tf.exceptions import InvalidArgumentException as InvalidArgumentException
-from dummy_arm.tf.exceptions import LookupException as LookupException
-from dummy_arm.tf.exceptions import TimeoutException as TimeoutException
-from dummy_arm.tf.exceptions import TransformException as TransformException
+from puretf.exceptions import ConnectivityException as ConnectivityException
+from puretf.exceptions import ExtrapolationException as ExtrapolationException
+from puretf.exceptions import InvalidArgumentException as InvalidArgumentException
+from puretf.exceptions import LookupException as LookupException
+from puretf.exceptions import TimeoutException as TimeoutException
+from puretf.exceptions import TransformException as TransformException
 
 if TYPE_CHECKING:
-    from dummy_arm.tf import BufferCore as BufferCore
+    from puretf import BufferCore as BufferCore
 
 __all__ = ['BufferCore', 'ConnectivityException', 'ExtrapolationException',
            'InvalidArgumentException', 'LookupException', 'TimeoutException',
@@ -28,7 +26,7 @@ def __getattr__(name: str) -> Any:
     if name == 'BufferCore':
         import _dummy_arm_tf2.ros  # noqa: F401
 
-        from dummy_arm.tf import BufferCore
+        from puretf import BufferCore
         return BufferCore
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 

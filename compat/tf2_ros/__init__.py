@@ -1,4 +1,4 @@
-"""The names of tf2_ros, from `dummy_arm.tf`."""
+"""The names of tf2_ros, from `puretf`."""
 
 import _dummy_arm_tf2.ros
 import _dummy_arm_tf2.submodules
@@ -27,22 +27,22 @@ from tf2_py import LookupException as LookupException
 from tf2_py import TimeoutException as TimeoutException
 from tf2_py import TransformException as TransformException
 
-from dummy_arm.tf import Buffer as Buffer
-from dummy_arm.tf import BufferInterface as BufferInterface
-from dummy_arm.tf import convert as convert
-from dummy_arm.tf import ConvertRegistration as ConvertRegistration
-from dummy_arm.tf import MsgStamped as MsgStamped
-from dummy_arm.tf import NotImplementedException as NotImplementedException
-from dummy_arm.tf import PyKDLType as PyKDLType
-from dummy_arm.tf import Stamped as Stamped
-from dummy_arm.tf import StaticTransformBroadcaster as StaticTransformBroadcaster
-from dummy_arm.tf import TFMessage as TFMessage
-from dummy_arm.tf import TransformableObject as TransformableObject
-from dummy_arm.tf import TransformableObjectType as TransformableObjectType
-from dummy_arm.tf import TransformBroadcaster as TransformBroadcaster
-from dummy_arm.tf import TransformListener as TransformListener
-from dummy_arm.tf import TransformRegistration as TransformRegistration
-from dummy_arm.tf import TypeException as TypeException
+from puretf import Buffer as Buffer
+from puretf import BufferInterface as BufferInterface
+from puretf import convert as convert
+from puretf import ConvertRegistration as ConvertRegistration
+from puretf import MsgStamped as MsgStamped
+from puretf import NotImplementedException as NotImplementedException
+from puretf import PyKDLType as PyKDLType
+from puretf import Stamped as Stamped
+from puretf import StaticTransformBroadcaster as StaticTransformBroadcaster
+from puretf import TFMessage as TFMessage
+from puretf import TransformableObject as TransformableObject
+from puretf import TransformableObjectType as TransformableObjectType
+from puretf import TransformBroadcaster as TransformBroadcaster
+from puretf import TransformListener as TransformListener
+from puretf import TransformRegistration as TransformRegistration
+from puretf import TypeException as TypeException
 
 _dummy_arm_tf2.submodules.import_on_use(
     __name__, 'buffer', 'buffer_client', 'buffer_interface', 'static_transform_broadcaster',

@@ -9,4 +9,4 @@ from rclpy.duration import Duration as Duration
 from rclpy.node import Node as Node
 from rclpy.time import Time as Time
 
-from dummy_arm.tf import Buffer as Buffer
+from puretf import Buffer as Buffer

@@ -5,5 +5,5 @@ from geometry_msgs.msg import TransformStamped as TransformStamped
 from rclpy.node import Node as Node
 from rclpy.qos import QoSProfile as QoSProfile
 
-from dummy_arm.tf import StaticTransformBroadcaster as StaticTransformBroadcaster
-from dummy_arm.tf import TFMessage as TFMessage
+from puretf import StaticTransformBroadcaster as StaticTransformBroadcaster
+from puretf import TFMessage as TFMessage

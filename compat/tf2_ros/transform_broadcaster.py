@@ -5,5 +5,5 @@ from geometry_msgs.msg import TransformStamped as TransformStamped
 from rclpy.node import Node as Node
 from rclpy.qos import QoSProfile as QoSProfile
 
-from dummy_arm.tf import TFMessage as TFMessage
-from dummy_arm.tf import TransformBroadcaster as TransformBroadcaster
+from puretf import TFMessage as TFMessage
+from puretf import TransformBroadcaster as TransformBroadcaster

@@ -4,6 +4,6 @@ import _dummy_arm_tf2.ros  # noqa: F401
 from rclpy.node import Node as Node
 from rclpy.qos import QoSProfile as QoSProfile
 
-from dummy_arm.tf import Buffer as Buffer
-from dummy_arm.tf import TFMessage as TFMessage
-from dummy_arm.tf import TransformListener as TransformListener
+from puretf import Buffer as Buffer
+from puretf import TFMessage as TFMessage
+from puretf import TransformListener as TransformListener

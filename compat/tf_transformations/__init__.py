@@ -5,7 +5,7 @@ Quaternions are x, y, z, w, angles are in rad, and matrices are (4, 4) homogeneo
 transform column vectors (x, y, z, 1). Except where a function says otherwise, a vector or point
 has three numbers, and results are float64. ROS is not needed.
 
-The functions of Euler angles and quaternions check their arguments as `dummy_arm.tf.rotations`
+The functions of Euler angles and quaternions check their arguments as `puretf.rotations`
 does, but a quaternion of length zero is no rotation. The functions that only computer graphics
 needs (projections, clipping, the virtual trackball) call the module of C. Gohlke from which all of
 these names come, and of which transforms3d contains a copy.
@@ -14,16 +14,15 @@ these names come, and of which transforms3d contains a copy.
 from collections.abc import Iterable, Sequence
 from typing import Any, Optional, Union
 
-import _dummy_arm_tf2  # noqa: F401
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from transforms3d import _gohlketransforms, affines, axangles, euler, reflections, shears, zooms
 
-from dummy_arm.tf import rotations
-from dummy_arm.tf.rotations import Axes, Quaternion
-from dummy_arm.tf.rotations import quaternion_about_axis as quaternion_about_axis
-from dummy_arm.tf.rotations import quaternion_from_euler as quaternion_from_euler
-from dummy_arm.tf.rotations import quaternion_multiply as quaternion_multiply
+from puretf import rotations
+from puretf.rotations import Axes, Quaternion
+from puretf.rotations import quaternion_about_axis as quaternion_about_axis
+from puretf.rotations import quaternion_from_euler as quaternion_from_euler
+from puretf.rotations import quaternion_multiply as quaternion_multiply
 
 __all__ = [
     'ROTATION_IDENTITY',

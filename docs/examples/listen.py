@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, TransformException, TransformListener
+from puretf import Buffer, TransformException, TransformListener
 
 
 class Listener(Node):

@@ -22,8 +22,8 @@ from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.tf import Buffer
-from dummy_arm.tf.publisher_listener import PublisherListener, Received
+from puretf import Buffer
+from puretf.publisher_listener import PublisherListener, Received
 
 INFINITE = dds.QosTime(9223372036, 854775807)
 TYPES = get_typestore(Stores.ROS2_JAZZY)

@@ -9,11 +9,11 @@ from pathlib import Path
 import re
 from unicodedata import normalize
 
-from dummy_arm.cli.parser import CommandError
-from dummy_arm.cli.signals import check_signals
 from dummy_arm.grading.records import NOT_JUDGED, NOT_OK, OK
 from dummy_arm.grading.requirements import FRAMES
-from dummy_arm.tf.formatting import comma_list, quoted, shortened
+from puretf.formatting import comma_list, quoted, shortened
+from puretf_tools.cli.parser import CommandError
+from puretf_tools.cli.signals import check_signals
 
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
 _LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'

@@ -10,8 +10,6 @@ import sys
 from tempfile import mkdtemp
 import time
 
-from dummy_arm.cli.parser import CommandError
-from dummy_arm.cli.signals import signals_blocked
 from dummy_arm.grading.processes import (
     become_subreaper,
     descendants,
@@ -23,7 +21,9 @@ from dummy_arm.grading.processes import (
 )
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, Report
 from dummy_arm.grading.supervisor import remove, SIGNAL
-from dummy_arm.tf.formatting import visible
+from puretf.formatting import visible
+from puretf_tools.cli.parser import CommandError
+from puretf_tools.cli.signals import signals_blocked
 
 #: A process is given up if it writes nothing for this time (s).
 _SILENCE = 60.0

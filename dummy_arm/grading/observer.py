@@ -9,11 +9,11 @@ import time
 from typing import Any, NamedTuple, TYPE_CHECKING
 import warnings
 
-from dummy_arm.cli.parser import CommandError
-from dummy_arm.cli.signals import wait_until
 from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, processes
 from dummy_arm.grading.program import ProgramError
 from dummy_arm.grading.records import Message, Publisher, Report
+from puretf_tools.cli.parser import CommandError
+from puretf_tools.cli.signals import wait_until
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -32,7 +32,7 @@ class Observer:
     """A listener that collects the messages of an arm."""
 
     def __init__(self, node: 'Node') -> None:
-        from dummy_arm.inspection.frame_listener import FrameListener
+        from puretf_tools.inspection.frame_listener import FrameListener
         self._node = node
         self.listener = FrameListener(node)
         self.messages: list[Message] = []
@@ -68,7 +68,7 @@ class Observer:
 
     def _reaches_late_joiners(self) -> bool:
         """Return whether a listener that starts now receives base_link on /tf_static."""
-        from dummy_arm.tf import StaticTransformListener, TransformBuffer
+        from puretf import StaticTransformListener, TransformBuffer
         buffer = TransformBuffer()
         listener = StaticTransformListener(buffer, self._node)
         try:
@@ -157,8 +157,8 @@ def _node_in(domain: int) -> Iterator['Node']:
     from rclpy.logging import get_logging_severity_from_string, set_logger_level
     from rclpy.node import Node
 
-    from dummy_arm.cli.fast_dds import destroy
-    from dummy_arm.cli.node import clear_shared_memory, create
+    from puretf_tools.cli.fast_dds import destroy
+    from puretf_tools.cli.node import clear_shared_memory, create
     clear_shared_memory(['check_arm'])
     context = Context()
 

@@ -13,7 +13,7 @@ import sys
 import time
 from typing import Any, NamedTuple, Optional
 
-from dummy_arm.tf.domains import ros_domains
+from puretf.domains import ros_domains
 
 #: prctl(2)
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36

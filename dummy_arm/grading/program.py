@@ -14,11 +14,11 @@ import time
 from tokenize import detect_encoding
 from typing import Optional
 
-from dummy_arm.cli.parser import CommandError
-from dummy_arm.cli.signals import wait_until
 from dummy_arm.grading.processes import end_with_parent, how_it_ended
-from dummy_arm.tf.domains import command_of
-from dummy_arm.tf.formatting import abbreviated, visible
+from puretf.domains import command_of
+from puretf.formatting import abbreviated, visible
+from puretf_tools.cli.parser import CommandError
+from puretf_tools.cli.signals import wait_until
 
 #: How long to wait until a program has ended after SIGINT (s).
 _GRACE = 3.0

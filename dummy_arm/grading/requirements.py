@@ -26,9 +26,9 @@ from dummy_arm.grading.records import (
     Report,
 )
 from dummy_arm.grading.sine import FASTEST, FEWEST, fit, fit_sine, Floats, Sine
-from dummy_arm.inspection.traffic import recreated
-from dummy_arm.tf.bag import NOT_RECORDED
-from dummy_arm.tf.formatting import comma_list, near_names, SECOND, shortened
+from puretf.bag import NOT_RECORDED
+from puretf.formatting import comma_list, near_names, SECOND, shortened
+from puretf_tools.inspection.traffic import recreated
 
 #: How far a position may be from the required position (m), and how far a frame may be rotated
 #: about an axis about which it must not rotate (rad).

@@ -18,7 +18,6 @@ import time
 from typing import Any, Optional
 import warnings
 
-from dummy_arm.cli.parser import CommandError
 from dummy_arm.grading.observer import Observation, READY, START
 from dummy_arm.grading.processes import (
     become_subreaper,
@@ -37,7 +36,8 @@ from dummy_arm.grading.program import (
     ProgramError,
 )
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, OK
-from dummy_arm.tf.domains import ros_domains, short_command, used_domains
+from puretf.domains import ros_domains, short_command, used_domains
+from puretf_tools.cli.parser import CommandError
 
 #: ROS domains whose ports are outside the range from which Linux takes ports for clients.
 DOMAINS = range(215, 232)

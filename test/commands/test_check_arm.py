@@ -7,14 +7,14 @@ from geometry_msgs.msg import TransformStamped
 from processes import tool
 from ros_node import eventually, stamped
 
+from dummy_arm import check_arm
+from dummy_arm.check_arm import main
 from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.processes import processes
 from dummy_arm.grading.records import OK
-from dummy_arm.tf import StaticTransformBroadcaster
-from dummy_arm.tf._ros import domains
-from dummy_arm.tf.domains import ros_domains
-from dummy_arm.tools import check_arm
-from dummy_arm.tools.check_arm import main
+from puretf import StaticTransformBroadcaster
+from puretf._ros import domains
+from puretf.domains import ros_domains
 
 #: Our arm, ten times as fast, so that a few seconds show its periods.
 FAST = [argument for number, speed in enumerate((3.0, 5.0, 7.0), 1)
@@ -35,7 +35,7 @@ def test_the_arm_that_is_running(start, domain_id):
 def test_no_arm(domain_id, arm_domain, monkeypatch):
     """What to check is named, also an arm in another domain."""
     monkeypatch.setattr(check_arm, 'START', 0.5)
-    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     monkeypatch.setattr(domains, '_MOST_SHOWN', 1000)
     eventually(lambda: arm_domain in ros_domains(processes().keys()))
     result = call(main, domain=domain_id)

@@ -16,11 +16,11 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.utilities import ok
 
-from dummy_arm.cli import node
-from dummy_arm.cli.node import ros_context, run_node, spinning_node
-from dummy_arm.cli.parser import Parser, run
-from dummy_arm.cli.signals import sleep
-from dummy_arm.tf._ros.rclpy_private import RCLError
+from puretf._ros.rclpy_private import RCLError
+from puretf_tools.cli import node
+from puretf_tools.cli.node import ros_context, run_node, spinning_node
+from puretf_tools.cli.parser import Parser, run
+from puretf_tools.cli.signals import sleep
 
 
 def command_of(command):
@@ -149,7 +149,7 @@ def test_a_shutdown_of_the_context_ends_a_node(start):
     process = start('-c', """if True:
         import rclpy
         from rclpy.node import Node
-        from dummy_arm.cli.node import run_node
+        from puretf_tools.cli.node import run_node
 
         class Ending(Node):
             def __init__(self):
@@ -165,7 +165,7 @@ def test_a_shutdown_of_the_context_ends_a_node(start):
 
 @pytest.mark.parametrize(('command', 'module', 'number', 'code'), [
     ('dummy_arm', 'numpy.', signal.SIGINT, 0), ('param', 'rclpy.', signal.SIGTERM, 0),
-    ('check_arm', 'dummy_arm.tf.', signal.SIGINT, 1),
+    ('check_arm', 'puretf.', signal.SIGINT, 1),
     ('view_frames --bag=SPLIT', 'numpy.', signal.SIGTERM, 143)])
 def test_a_signal_while_a_command_is_imported(start, command, module, number, code):
     """No traceback is printed from within an import."""
@@ -191,7 +191,7 @@ def test_ctrl_c_while_a_bag_is_read(tmp_path, monkeypatch, walk, command):
     """The exit code is that of a shell, since there is no result; one line says so."""
     monkeypatch.chdir(tmp_path)
     name, *arguments = command.split()
-    main = import_module(f'dummy_arm.tools.{name}').main
+    main = import_module(f'puretf_tools.commands.{name}').main
     code, output, error = call(main, *arguments, '--bag', walk, columns=80,
                                until=lambda text: 'reading walk.bag' in text)
     assert code == 130
@@ -227,7 +227,8 @@ def test_a_shutdown_that_hangs_is_cut_short(start):
     """Fast DDS may hang in it with the GIL held: no Python code runs, and no signal handler."""
     process = start('-c', """if True:
         import ctypes, sys
-        from dummy_arm.cli import entry_points, node, signals
+        from dummy_arm import entry_points
+        from puretf_tools.cli import node, signals
 
         signals._LONGEST_END = 1
         node.destroy = lambda node: ctypes.PyDLL(None).pause()

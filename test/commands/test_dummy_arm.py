@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from dummy_arm import dummy_arm
 from dummy_arm.arm import Arm
 from dummy_arm.dummy_arm import DummyArm, main
-from dummy_arm.tf import TFMessage
+from puretf import TFMessage
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'),

@@ -5,7 +5,7 @@ import pytest
 from rclpy.parameter import Parameter
 from ros_node import command_node
 
-from dummy_arm.tools.dynamic_tf_publisher import DynamicTfPublisher, main
+from dummy_arm.dynamic_tf_publisher import DynamicTfPublisher, main
 
 
 @pytest.mark.parametrize(('argument', 'message'), [

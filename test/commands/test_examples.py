@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_node import stamped
 from std_msgs.msg import String
 
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
 
 EXAMPLES = ROOT / 'docs' / 'examples'
 
@@ -32,7 +32,7 @@ def test_listen_receives_the_arm(arm_domain):
 #: The example, with a line of output when the bag has 51 messages, and another limit of messages.
 RECORDER = f"""
 import threading, time
-from dummy_arm.tf import publisher_listener
+from puretf import publisher_listener
 publisher_listener._MOST_MESSAGES = LIMIT
 names = {{}}
 def tell():

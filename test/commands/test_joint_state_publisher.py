@@ -10,9 +10,9 @@ import pytest
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
-from dummy_arm.robot import description_listener
-from dummy_arm.tf import Buffer, TransformListener
-from dummy_arm.tools.joint_state_publisher import main
+from puretf import Buffer, TransformListener
+from puretf_tools.commands.joint_state_publisher import main
+from puretf_tools.robot import description_listener
 
 pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')

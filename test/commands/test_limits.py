@@ -5,10 +5,10 @@ from threading import Thread
 from cli_runner import call
 from ros_node import eventually
 
-from dummy_arm.tf import TFMessage
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tools.tf2_echo import main
+from puretf import TFMessage
+from puretf._core.pose import Row
+from puretf._wire import cdr
+from puretf_tools.commands.tf2_echo import main
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

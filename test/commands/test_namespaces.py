@@ -9,13 +9,12 @@ from processes import ARM, TIMEOUT
 import pytest
 from ros_node import stamped
 
-from dummy_arm import dummy_arm
-from dummy_arm.cli import progress
-from dummy_arm.cli.node import run_node
-from dummy_arm.cli.parser import UsageError
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tools import (
-    dynamic_tf_publisher,
+from dummy_arm import dummy_arm, dynamic_tf_publisher
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf_tools.cli import progress
+from puretf_tools.cli.node import run_node
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.commands import (
     static_transform_publisher,
     tf2_echo,
     tf2_monitor,

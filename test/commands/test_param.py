@@ -12,10 +12,10 @@ from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dummy_arm.cli import progress
-from dummy_arm.cli.parser import UsageError
-from dummy_arm.tools import param as tools_param
-from dummy_arm.tools.param import main, parameter, read
+from puretf_tools.cli import progress
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.commands import param as tools_param
+from puretf_tools.commands.param import main, parameter, read
 
 
 @pytest.fixture(autouse=True)

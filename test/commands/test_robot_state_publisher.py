@@ -19,11 +19,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.robot import description, state_publisher
-from dummy_arm.robot.description import DescriptionError
-from dummy_arm.robot.state_publisher import RobotStatePublisher
-from dummy_arm.tf import TFMessage
-from dummy_arm.tools.robot_state_publisher import main
+from puretf import TFMessage
+from puretf_tools.commands.robot_state_publisher import main
+from puretf_tools.robot import description, state_publisher
+from puretf_tools.robot.description import DescriptionError
+from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 pytest.importorskip('urdf_parser_py')
 

@@ -13,7 +13,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.tf import Buffer, TransformListener
+from puretf import Buffer, TransformListener
 
 pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')

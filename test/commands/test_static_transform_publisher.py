@@ -11,9 +11,9 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_node import command_node
 
-from dummy_arm.cli.parser import UsageError
-from dummy_arm.tf import TFMessage
-from dummy_arm.tools import static_transform_publisher
+from puretf import TFMessage
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.commands import static_transform_publisher
 
 NAME = 'static_transform_publisher'
 FRAMES = ['--frame-id', 'map', '--child-frame-id', 'base']

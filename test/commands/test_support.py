@@ -11,8 +11,8 @@ import pytest
 from ros_node import Ros
 from rosgraph_msgs.msg import Clock
 
-from dummy_arm.cli.signals import signal_received
 from dummy_arm.dummy_arm import main
+from puretf_tools.cli.signals import signal_received
 
 
 def test_another_process_that_publishes_in_the_domain_is_named(ros):

@@ -8,10 +8,10 @@ from processes import Process, tool, tool_without_ros
 import pytest
 from ros_node import stamped
 
-from dummy_arm.cli.signals import sleep
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tools import tf2_echo
-from dummy_arm.tools.tf2_echo import main
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf_tools.cli.signals import sleep
+from puretf_tools.commands import tf2_echo
+from puretf_tools.commands.tf2_echo import main
 
 S = 10**9
 LATER = 1795204940_123456789  # ns

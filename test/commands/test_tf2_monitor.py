@@ -11,10 +11,10 @@ from rclpy.time import Time
 from ros_node import stamped
 from rosgraph_msgs.msg import Clock
 
-from dummy_arm.cli.signals import sleep
-from dummy_arm.tf import publisher_listener, StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tools import tf2_monitor
-from dummy_arm.tools.tf2_monitor import main
+from puretf import publisher_listener, StaticTransformBroadcaster, TransformBroadcaster
+from puretf_tools.cli.signals import sleep
+from puretf_tools.commands import tf2_monitor
+from puretf_tools.commands.tf2_monitor import main
 
 S = 10**9
 SIM_TIME = '--ros-args', '-p', 'use_sim_time:=true'

@@ -23,11 +23,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.cli import progress
-from dummy_arm.inspection import header_sampler
-from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
-from dummy_arm.tools import tf_doctor
-from dummy_arm.tools.tf_doctor import main
+from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from puretf_tools.cli import progress
+from puretf_tools.commands import tf_doctor
+from puretf_tools.commands.tf_doctor import main
+from puretf_tools.inspection import header_sampler
 
 S = 10**9
 SIM_TIME = '--ros-args', '-p', 'use_sim_time:=true'
@@ -494,7 +494,7 @@ def test_only_static_transforms_in_a_namespace(ros):
 def test_two_nodes_send_joint_states(ros, sent, expected):
     """If both send one joint, it is the only finding; if each has its own, nothing is wrong."""
     pytest.importorskip('urdf_parser_py')
-    from dummy_arm.robot.state_publisher import RobotStatePublisher
+    from puretf_tools.robot.state_publisher import RobotStatePublisher
     robot = RobotStatePublisher(URDF, context=ros.context)
     ros.executor.add_node(robot)
     gui = Node('gui', context=ros.context)
@@ -625,7 +625,7 @@ def test_publishers_one_after_the_other(ros):
 def test_nothing_is_published(domain_id, monkeypatch, arguments):
     """Without transforms, the settings to check are named; the exit code is 1."""
     monkeypatch.setattr(progress, 'DISCOVERY', 0.1)
-    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     code, output, _ = call(main, '--time', '0.2', *arguments, domain=domain_id)
     assert code == 1
     assert f'0 publishers on /tf and /tf_static were found in ROS domain {domain_id}.' in ' '.join(

@@ -11,8 +11,8 @@ from processes import ARM, tool
 import pytest
 from ros_node import stamped
 
-from dummy_arm.tf import TransformBroadcaster
-from dummy_arm.tools.tf_trajectory import main
+from puretf import TransformBroadcaster
+from puretf_tools.commands.tf_trajectory import main
 
 S = 10**9
 
@@ -52,7 +52,7 @@ def test_ctrl_c_ends_the_recording(ros, domain_id, monkeypatch, tmp_path):
 def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
     """The error names the domain, and what to check."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     result = call(main, 'map', 'base', '--time', '1000', '-o', 'arm.csv', domain=domain_id,
                   columns=300, until=lambda text: 'waiting for transforms' in text)
     assert result.code == 1

@@ -17,10 +17,10 @@ from rclpy.time import Time
 from ros_node import stamped
 from rosgraph_msgs.msg import Clock
 
-from dummy_arm.cli.signals import sleep
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tools import view_frames
-from dummy_arm.tools.view_frames import main
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf_tools.cli.signals import sleep
+from puretf_tools.commands import view_frames
+from puretf_tools.commands.view_frames import main
 
 S = 10**9
 CLEAR = '\x1b[H\x1b[2J'
@@ -80,7 +80,7 @@ def test_a_publisher_is_named_by_its_node(ros, publish_static):
 def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_path):
     """No file is written; tf2 writes a PDF that says that there is no data."""
     monkeypatch.setattr(view_frames, 'DISCOVERY', 0.1)
-    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     monkeypatch.chdir(tmp_path)
     code, output, error = call(main, '-t', '0.2', domain=domain_id)
     assert (code, output) == (1, '')
@@ -202,7 +202,7 @@ def test_a_signal_ends_the_drawing(start, tmp_path, number):
     there = tmp_path / 'there'
     there.mkdir()
     _, code, *arguments = tool('view_frames', '--bag', str(bag))
-    unlimited = f'import dummy_arm.tools.view_frames as v; v.MAX_FRAMES = 10**6; {code}'
+    unlimited = f'import puretf_tools.commands.view_frames as v; v.MAX_FRAMES = 10**6; {code}'
     process = start('-c', unlimited, *arguments, cwd=there)
     deadline = time.monotonic() + TIMEOUT
     while sum(map(seconds_of_work, drawing := process.descendants())) < 0.5:

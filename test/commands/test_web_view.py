@@ -10,7 +10,7 @@ import numpy as np
 from processes import ARM, TIMEOUT, tool, tool_without_ros
 import pytest
 
-from dummy_arm.tf.rotations import euler_from_quaternion
+from puretf.rotations import euler_from_quaternion
 
 FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
 
@@ -19,7 +19,7 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
     """The page is served there, whatever viser's environment variables are."""
     from viewer import Viewer
 
-    from dummy_arm.tf import TransformBroadcaster
+    from puretf import TransformBroadcaster
     monkeypatch.setenv('_VISER_PORT_OVERRIDE', '1')
     with socket.create_server(('127.0.0.1', 0)) as found:
         port = found.getsockname()[1]
@@ -75,7 +75,7 @@ def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
     import imageio.v3 as iio
     from rclpy.duration import Duration
 
-    from dummy_arm.tf import Buffer, TransformListener
+    from puretf import Buffer, TransformListener
     start(*ARM)
     buffer = Buffer(Duration(seconds=600), ros.node)
     listener = TransformListener(buffer, ros.node)
@@ -117,7 +117,7 @@ def test_the_tabs_in_a_browser(start, ros, request, tmp_path, size):
     """A viewer uses each tab, on a wide screen and on a narrow one."""
     from browser import pages
 
-    from dummy_arm.tf import Buffer, TransformListener
+    from puretf import Buffer, TransformListener
     start(*ARM)
     buffer = Buffer(node=ros.node)
     listener = TransformListener(buffer, ros.node)

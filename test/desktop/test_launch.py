@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from dummy_arm.arm import Arm
-from dummy_arm.tf import TransformBuffer
+from puretf import TransformBuffer
 
 LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
 URDF = 'dummy_arm/urdf/dummy_arm.urdf'

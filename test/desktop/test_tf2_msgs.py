@@ -14,7 +14,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from ros_node import stamped
 
-from dummy_arm.tf import Buffer, StaticTransformBroadcaster, TransformListener
+from puretf import Buffer, StaticTransformBroadcaster, TransformListener
 
 BEGIN = f"""
 import rclpy
@@ -52,8 +52,8 @@ def test_messages_of_lookups_have_floats(runs):
     """Compiled code does not check numbers, so the results must have none but floats."""
     runs("""
 from rclpy.serialization import deserialize_message, serialize_message
-from dummy_arm.tf import Buffer
-from dummy_arm.tf.buffer_core import to_message
+from puretf import Buffer
+from puretf.buffer_core import to_message
 
 def sent(*messages):
     data = serialize_message(TFMessage(transforms=messages))
@@ -79,7 +79,7 @@ def test_a_listener_is_the_first_to_use_the_message(ros, runs):
     broadcaster.sendTransform(stamped('map', 'tool', x=2.0))
     runs("""
 import threading
-from dummy_arm.tf import Buffer, TransformListener
+from puretf import Buffer, TransformListener
 buffer = Buffer(node=node)
 listener = TransformListener(buffer, node)
 assert buffer.lookup_transform('map', 'tool', Time(), WAIT).transform.translation.x == 2.0
@@ -102,7 +102,7 @@ def test_broadcasters_are_the_first_to_use_the_message(ros, start):
     listener = TransformListener(buffer, ros.node)
     process = start('-c', BEGIN + """
 import numpy as np
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
 broadcaster = TransformBroadcaster(node)
 static = StaticTransformBroadcaster(node)
 prepared = broadcaster.prepare([('map', 'prepared')])
@@ -125,7 +125,7 @@ rclpy.spin(node)
 def test_the_buffer_serves_its_frames(runs):
     """The service is that of tf2_ros, which view_frames of tf2_tools calls."""
     runs("""
-from dummy_arm.tf import Buffer
+from puretf import Buffer
 from tf2_msgs.srv import FrameGraph
 buffer = Buffer(node=node)
 buffer.set_transform_static(stamped('map', 'tool'), 'test')

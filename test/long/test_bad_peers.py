@@ -47,7 +47,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
-from dummy_arm.tf import Buffer, TransformListener
+from puretf import Buffer, TransformListener
 
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = rclpy.create_node('listener')

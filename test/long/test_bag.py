@@ -4,8 +4,8 @@ import tracemalloc
 
 import pytest
 
-from dummy_arm.tf import bag
-from dummy_arm.tf.bag import BagError, read
+from puretf import bag
+from puretf.bag import BagError, read
 
 bags = pytest.importorskip('bags')
 S = bags.S

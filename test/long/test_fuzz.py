@@ -13,7 +13,7 @@ from environment import ROOT
 from processes import is_running
 import pytest
 
-from dummy_arm.tf._wire import cdr
+from puretf._wire import cdr
 
 pytest.importorskip('bags')
 import fuzz
@@ -45,10 +45,10 @@ def test_seeds_pass(name):
 
 def copy_of_the_package(path):
     """Copy the package, the targets and the golden data; names lose a first control character."""
-    for name in 'test/support', 'test/data', 'dummy_arm':
+    for name in 'test/support', 'test/data', 'dummy_arm', 'puretf', 'puretf_tools':
         shutil.copytree(ROOT / name, path / name, ignore=shutil.ignore_patterns(
             'fuzz', '__pycache__'))
-    decoder = path / 'dummy_arm' / 'tf' / '_wire' / 'cdr.py'
+    decoder = path / 'puretf' / '_wire' / 'cdr.py'
     text = decoder.read_text()
     right = "field.partition(b'\\0')[0].decode"
     assert text.count(right) == 1

@@ -4,7 +4,7 @@ from environment import ROOT
 from geometry_msgs.msg import PointStamped
 from processes import TIMEOUT
 
-from dummy_arm.tf import Buffer, MessageFilter, TransformListener
+from puretf import Buffer, MessageFilter, TransformListener
 
 
 def test_a_thousand_messages_a_second(ros, start):

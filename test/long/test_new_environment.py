@@ -11,7 +11,7 @@ from environment import ROOT
 import numpy as np
 from processes import OF_THIS_ENVIRONMENT
 
-from dummy_arm.tools import tf_trajectory
+from puretf_tools.commands import tf_trajectory
 
 #: A program that reads a trajectory by evo, and writes its times and positions.
 READ = """if True:
@@ -25,8 +25,8 @@ READ = """if True:
 IMPORT = """if True:
     from pathlib import Path
     import tf2_geometry_msgs, tf2_msgs.msg, tf2_py, tf2_ros, tf2_sensor_msgs, tf_transformations
-    import dummy_arm.tf
-    assert tf2_ros.Buffer is dummy_arm.tf.Buffer
+    import puretf
+    assert tf2_ros.Buffer is puretf.Buffer
     print(Path(tf2_ros.__file__).parents[1].name)
 """
 
@@ -38,7 +38,8 @@ def test_programs_and_evo(tmp_path):
     It imports tf2_py to read a bag, and reads the file of tf_trajectory, whose positions differ
     from the analytic motion of the arm by less than 1e-6 m.
     """
-    for path in 'docs', 'dummy_arm', 'compat', 'launch', 'resource', 'rviz':
+    for path in ('docs', 'puretf', 'puretf_tools', 'dummy_arm', 'compat', 'launch', 'resource',
+                 'rviz'):
         shutil.copytree(ROOT / path, tmp_path / path,
                         ignore=shutil.ignore_patterns('*.egg-info', 'build'))
     for name in 'README.md', 'package.xml', 'setup.cfg', 'setup.py':

@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 from ros_node import stamped
 from sensor_msgs.msg import LaserScan
 
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
 
 BUSY = """
 import time
@@ -18,7 +18,7 @@ while time.monotonic() < end:
 """
 FRAMES = """
 import rclpy
-from dummy_arm.tf import TransformBroadcaster
+from puretf import TransformBroadcaster
 rclpy.init()
 node = rclpy.create_node('many')
 frames = TransformBroadcaster(node).prepare([('map', f'frame_{i}') for i in range(500)])

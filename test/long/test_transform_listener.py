@@ -9,7 +9,7 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, TransformListener
+from puretf import Buffer, TransformListener
 
 ENDINGS = str(ROOT / 'test' / 'support' / 'endings.py')
 

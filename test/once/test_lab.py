@@ -13,8 +13,8 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dummy_arm.arm import Arm
-from dummy_arm.tf import TFMessage
-from dummy_arm.tools.check_arm import main as check_arm
+from dummy_arm.check_arm import main as check_arm
+from puretf import TFMessage
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -10,7 +10,7 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     StaticTransformBroadcaster,
     TransformBroadcaster,

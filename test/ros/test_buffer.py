@@ -26,7 +26,7 @@ from rclpy.utilities import get_default_context
 import ros_node
 from ros_node import eventually, run_in_thread
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     BufferCore,
     ConnectivityException,
@@ -34,7 +34,7 @@ from dummy_arm.tf import (
     TFMessage,
     TimeoutException,
 )
-from dummy_arm.tf._core.engine import engine_of
+from puretf._core.engine import engine_of
 
 T = Time(seconds=100)
 SOON, LONG = Duration(seconds=0.05), Duration(seconds=TIMEOUT)

@@ -15,8 +15,8 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm import tf
-from dummy_arm.tf import BufferCore
+import puretf
+from puretf import BufferCore
 
 CASES = json.loads((DATA / 'tf2_velocity.json').read_text())
 
@@ -44,7 +44,7 @@ def test_velocities_as_in_tf2(case):
             arguments += query['reference'], tuple(query['point']), query['point_frame']
             lookup = buffer.lookupVelocityFullCore
         if 'error' in query:
-            with pytest.raises(getattr(tf, query['error'])) as caught:
+            with pytest.raises(getattr(puretf, query['error'])) as caught:
                 lookup(*arguments, *when)
             assert type(caught.value).__name__ == query['error']
             assert str(caught.value).startswith(query['message'])

@@ -20,9 +20,9 @@ from environment import DATA, HAS_TF2_MSGS
 import pytest
 from rclpy.action.client import ActionClient
 
-import dummy_arm.tf
-from dummy_arm.tf import Buffer
-import dummy_arm.tf.geometry
+import puretf
+from puretf import Buffer
+import puretf.geometry
 
 pytest.importorskip('_dummy_arm_tf2', reason='dummy-arm-tf2, of compat, is not installed')
 if HAS_TF2_MSGS:
@@ -119,11 +119,11 @@ def test_a_buffer_shows_what_tf2_and_the_reference_have():
 
 def test_they_are_re_exports():
     """There is one implementation: classes of both names are the same."""
-    assert tf2_ros.Buffer is dummy_arm.tf.Buffer
-    assert tf2_ros.BufferCore is tf2_py.BufferCore is dummy_arm.tf.BufferCore
-    assert tf2_ros.LookupException is tf2_py.LookupException is dummy_arm.tf.LookupException
-    assert tf2_msgs.msg.TFMessage is tf2_ros.TFMessage is dummy_arm.tf.TFMessage
-    assert tf2_geometry_msgs.do_transform_pose is dummy_arm.tf.geometry.do_transform_pose
+    assert tf2_ros.Buffer is puretf.Buffer
+    assert tf2_ros.BufferCore is tf2_py.BufferCore is puretf.BufferCore
+    assert tf2_ros.LookupException is tf2_py.LookupException is puretf.LookupException
+    assert tf2_msgs.msg.TFMessage is tf2_ros.TFMessage is puretf.TFMessage
+    assert tf2_geometry_msgs.do_transform_pose is puretf.geometry.do_transform_pose
     with pytest.raises(AttributeError, match="no attribute 'Unknown'"):
         tf2_py.Unknown  # noqa: B018
 

@@ -11,9 +11,9 @@ from rclpy.node import Node
 from rclpy.time import Time
 from ros_node import eventually, stamped
 
-from dummy_arm.cli.fast_dds import destroy
-from dummy_arm.tf import Buffer, TransformBroadcaster, TransformException, TransformListener
-from dummy_arm.tf._core.engine import engine_of
+from puretf import Buffer, TransformBroadcaster, TransformException, TransformListener
+from puretf._core.engine import engine_of
+from puretf_tools.cli.fast_dds import destroy
 
 LATEST = Time()
 WAIT = Duration(seconds=TIMEOUT)

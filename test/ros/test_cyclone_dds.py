@@ -6,8 +6,8 @@ from types import SimpleNamespace
 from cyclone import install, Library
 import pytest
 
-from dummy_arm.tf._ros import cyclone_dds
-from dummy_arm.tf._ros.cyclone_dds import gid_translator, IDENTIFIER
+from puretf._ros import cyclone_dds
+from puretf._ros.cyclone_dds import gid_translator, IDENTIFIER
 
 READER = ctypes.c_int32(1234)
 DATA = ctypes.addressof(READER)

@@ -8,8 +8,8 @@ import pytest
 from rclpy.utilities import get_rmw_implementation_identifier
 from ros_node import eventually
 
-from dummy_arm.cli import fast_dds
-from dummy_arm.cli.fast_dds import detach_discovery_listener, remove_unfinished_ports
+from puretf_tools.cli import fast_dds
+from puretf_tools.cli.fast_dds import detach_discovery_listener, remove_unfinished_ports
 
 pytestmark = pytest.mark.skipif(
     get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp',

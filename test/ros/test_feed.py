@@ -10,10 +10,10 @@ from ros_node import eventually, stamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
-from dummy_arm.robot import description_listener, descriptions
-from dummy_arm.robot.observed import RobotListener
-from dummy_arm.tf import TransformBroadcaster
-from dummy_arm.view.feed import LiveFeed, Publication
+from puretf import TransformBroadcaster
+from puretf_tools.robot import description_listener, descriptions
+from puretf_tools.robot.observed import RobotListener
+from puretf_tools.view.feed import LiveFeed, Publication
 
 
 @pytest.fixture

@@ -20,8 +20,8 @@ def in_child(work, meanwhile):
     assert status == 0, status
 
 import rclpy
-from dummy_arm.tf import Buffer, TransformBroadcaster, TransformException, TransformListener
-from dummy_arm.tf.buffer_core import to_message
+from puretf import Buffer, TransformBroadcaster, TransformException, TransformListener
+from puretf.buffer_core import to_message
 from rclpy.duration import Duration
 from rclpy.time import Time
 

@@ -5,8 +5,8 @@ import pytest
 from rclpy.node import Node
 from ros_node import Ros, stamped
 
-from dummy_arm.inspection.frame_listener import FrameListener
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf_tools.inspection.frame_listener import FrameListener
 
 
 def test_the_remedies(ros):

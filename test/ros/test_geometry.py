@@ -26,7 +26,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     BufferInterface,
     convert,
@@ -37,7 +37,7 @@ from dummy_arm.tf import (
     TransformRegistration,
     TypeException,
 )
-from dummy_arm.tf.geometry import (
+from puretf.geometry import (
     do_transform_point,
     do_transform_pose,
     transform_covariance,
@@ -209,7 +209,7 @@ def test_what_a_user_has_registered_stays(start):
     """A user's function replaces that of the package, also after other types are used."""
     process = start('-c', """if True:
         from geometry_msgs.msg import PointStamped, PoseStamped
-        from dummy_arm.tf import Buffer, ConvertRegistration, TransformRegistration
+        from puretf import Buffer, ConvertRegistration, TransformRegistration
         buffer = Buffer()
         TransformRegistration().add(PointStamped, lambda point, transform: 'mine')
         ConvertRegistration().add_to_msg(PointStamped, lambda point: 'mine')

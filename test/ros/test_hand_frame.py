@@ -7,16 +7,16 @@ from rclpy.node import Node
 from rclpy.time import Time
 from ros_node import stamped
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     StaticTransformBroadcaster,
     TransformBroadcaster,
     TransformListener,
 )
-from dummy_arm.tf.rotations import euler_from_quaternion
-from dummy_arm.tools import static_transform_publisher
-from dummy_arm.view.feed import LiveFeed
-from dummy_arm.view.hand_publisher import StaticTransform
+from puretf.rotations import euler_from_quaternion
+from puretf_tools.commands import static_transform_publisher
+from puretf_tools.view.feed import LiveFeed
+from puretf_tools.view.hand_publisher import StaticTransform
 
 HAND = StaticTransform('map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
 
@@ -144,7 +144,7 @@ def test_what_is_not_valid_is_refused(publisher):
 def test_the_command_is_accepted(monkeypatch, parent, name):
     """It publishes the frame that the page publishes."""
     pytest.importorskip('viser')
-    from dummy_arm.view.copied import command_line
+    from puretf_tools.view.copied import command_line
     sent = []
 
     def publish(*args, **kwargs):

@@ -22,7 +22,7 @@ from rclpy.time import Time
 from ros_node import Ros, stamped
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     ExtrapolationException,
     MessageFilter,
@@ -31,7 +31,7 @@ from dummy_arm.tf import (
     TransformException,
     TransformListener,
 )
-from dummy_arm.tf.publisher_listener import PublisherListener
+from puretf.publisher_listener import PublisherListener
 
 S = 10**9
 FUTURE = 'More: tf_doctor --explain future'
@@ -104,7 +104,7 @@ def test_without_a_listener_nothing_is_known(ros):
 
 def test_nothing_at_all(ros, buffer, start, monkeypatch):
     """The domain, and the other domains in which processes run."""
-    monkeypatch.setattr('dummy_arm.tf._ros.domains._MOST_SHOWN', 1000)  # other tests run, too
+    monkeypatch.setattr('puretf._ros.domains._MOST_SHOWN', 1000)  # other tests run, too
     for domain in reserved_domain():
         process = start(*ARM, environment={'ROS_DOMAIN_ID': str(domain)})
         process.line_with('t = 0')

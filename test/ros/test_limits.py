@@ -1,6 +1,6 @@
 """Limits of names, where ROS is needed; the others are in test/unit/test_limits.py."""
 
-from dummy_arm.tf import Buffer
+from puretf import Buffer
 
 T = 1_700_000_000_000_000_000
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

@@ -24,8 +24,7 @@ from recorded import judged, T, tf
 from ros_node import run_in_thread, stamped
 from std_msgs.msg import Empty
 
-from dummy_arm.doctor.message_times import Verdict
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     FilterFailureReason,
     MessageFilter,
@@ -34,8 +33,9 @@ from dummy_arm.tf import (
     TransformException,
     TransformListener,
 )
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._ros.rclpy_private import guard_condition
+from puretf._core.engine import engine_of
+from puretf._ros.rclpy_private import guard_condition
+from puretf_tools.doctor.message_times import Verdict
 
 S = 10**9
 MS = 10**6
@@ -372,7 +372,7 @@ def test_a_stamp_before_1970(ros, capfd):
 def test_messages_that_wait_long_are_logged(ros, capfd, monkeypatch):
     """If nothing is dropped, it is logged why the oldest message still waits."""
     now = [0]
-    monkeypatch.setattr('dummy_arm.tf.message_filter.monotonic_ns', lambda: now[0])
+    monkeypatch.setattr('puretf.message_filter.monotonic_ns', lambda: now[0])
     message_filter = MessageFilter(None, Buffer(), 'map', 0, ros.node)
     for _ in range(100):
         message_filter.add(point(1 * S))

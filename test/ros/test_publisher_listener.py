@@ -19,17 +19,17 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from ros_node import eventually, stamped
 from std_msgs.msg import String
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     publisher_listener,
     StaticTransformBroadcaster,
     TFMessage,
     TransformBroadcaster,
 )
-from dummy_arm.tf._ros import rclpy_private
-from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
-from dummy_arm.tf._ros.subscription import SubscriptionSource
-from dummy_arm.tf.publisher_listener import (
+from puretf._ros import rclpy_private
+from puretf._ros.rclpy_private import subscribe, Taker
+from puretf._ros.subscription import SubscriptionSource
+from puretf.publisher_listener import (
     node_of,
     PublisherListener,
     ReceivedMessage,

@@ -1,4 +1,4 @@
-"""Tests of the behaviour of rclpy 7.1 and rcl on which tf/_ros/rclpy_private.py relies."""
+"""Tests of the behaviour of rclpy 7.1 and rcl on which puretf/_ros/rclpy_private.py relies."""
 
 import ast
 from collections.abc import Callable
@@ -22,9 +22,9 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from ros_node import run_in_thread
 from std_msgs.msg import Header, String
 
-from dummy_arm.tf import TFMessage
-from dummy_arm.tf._ros import rclpy_private
-from dummy_arm.tf._ros.rclpy_private import (
+from puretf import TFMessage
+from puretf._ros import rclpy_private
+from puretf._ros.rclpy_private import (
     GID_SIZE,
     guard_condition,
     incompatible_qos,

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from type_description_interfaces.srv import GetTypeDescription
 
-from dummy_arm.tf import TFMessage
+from puretf import TFMessage
 
 HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 
@@ -195,7 +195,7 @@ def test_a_large_message_reaches_another_process(ros, start):
     """Half a megabyte is more than one packet."""
     process = start('-c', """if True:
         import rclpy
-        from dummy_arm.tf import TFMessage
+        from puretf import TFMessage
         rclpy.init()
         node = rclpy.create_node('subscriber')
         node.create_subscription(TFMessage, '/tf', lambda message: print(
@@ -214,7 +214,7 @@ def test_a_large_message_reaches_another_process(ros, start):
 THREADS = """
 import threading, time
 import rclpy
-from dummy_arm.tf import TFMessage, TransformBroadcaster
+from puretf import TFMessage, TransformBroadcaster
 from geometry_msgs.msg import TransformStamped
 from rclpy.executors import MultiThreadedExecutor
 rclpy.init()
@@ -304,11 +304,11 @@ def test_a_mismatch_is_an_import_error(monkeypatch, change, error):
     """If geometry_msgs is not that of Jazzy, the error says what was expected and found."""
     monkeypatch.setattr(*change)
     with pytest.raises(ImportError, match=error):
-        imported_anew('dummy_arm.tf._tf2_msgs.type_support')
+        imported_anew('puretf._tf2_msgs.type_support')
 
 
 def test_the_real_one_is_used_where_it_is(monkeypatch, tmp_path):
-    """If the tf2_msgs of ROS can be imported, dummy_arm.tf exports its class."""
+    """If the tf2_msgs of ROS can be imported, puretf exports its class."""
     package = tmp_path / 'tf2_msgs'
     package.mkdir()
     for name in '__init__.py', 'tf2_msgs_s__rosidl_typesupport_c.so':
@@ -319,6 +319,6 @@ def test_the_real_one_is_used_where_it_is(monkeypatch, tmp_path):
     with patch.dict(sys.modules):
         for name in 'tf2_msgs', 'tf2_msgs.msg', 'tf2_msgs.srv':
             sys.modules.pop(name, None)
-        found = imported_anew('dummy_arm.tf._ros.messages')
+        found = imported_anew('puretf._ros.messages')
     assert found.TFMessage.__doc__ == 'Stands for the real one.'
     assert found.FrameGraph == 42

@@ -18,8 +18,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from ros_node import run_in_thread
 
-from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
-from dummy_arm.tf._core import texts
+from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from puretf._core import texts
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -26,7 +26,7 @@ from ros_node import eventually, run_in_thread
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     BufferCore,
     LookupException,
@@ -38,11 +38,11 @@ from dummy_arm.tf import (
     TransformException,
     TransformListener,
 )
-from dummy_arm.tf._core import texts
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._ros.listener_thread import ListenerThread, Round
-from dummy_arm.tf._ros.rclpy_private import subscribe
-from dummy_arm.tf._ros.subscription import QosMonitor, SubscriptionSource
+from puretf._core import texts
+from puretf._core.engine import engine_of
+from puretf._ros.listener_thread import ListenerThread, Round
+from puretf._ros.rclpy_private import subscribe
+from puretf._ros.subscription import QosMonitor, SubscriptionSource
 
 LATEST = Time()
 WAIT = Duration(seconds=TIMEOUT)

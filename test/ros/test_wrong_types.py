@@ -23,7 +23,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from ros_node import stamped
 
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     BufferCore,
     ExtrapolationException,
@@ -268,7 +268,7 @@ def test_a_transform_of_rosbags(ros, buffer):
                  StaticTransformBroadcaster(ros.node).sendTransform):
         assert error_of(TypeError, call, message) == (
             'expected a TransformStamped, got a message geometry_msgs/msg/TransformStamped of '
-            'rosbags: read the bag by dummy_arm.tf.bag.read, or insert '
+            'rosbags: read the bag by puretf.bag.read, or insert '
             'Transform.from_message(message) into a TransformBuffer')
     without_ros = TransformBuffer()
     assert error_of(TypeError, without_ros.set_transform, message).endswith(

@@ -6,7 +6,7 @@ from random import Random
 import numpy as np
 
 import dummy_arm.arm
-from dummy_arm.tf._core.pose import Row
+from puretf._core.pose import Row
 
 S = 10**9
 BEGIN = 1_700_000_000 * S

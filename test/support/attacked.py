@@ -30,16 +30,16 @@ from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 
-from dummy_arm.cli.fast_dds import destroy
-from dummy_arm.tf import (
+from puretf import (
     Buffer,
     LookupException,
     TransformBroadcaster,
     TransformException,
     TransformListener,
 )
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf.buffer_core import to_message
+from puretf._core.engine import engine_of
+from puretf.buffer_core import to_message
+from puretf_tools.cli.fast_dds import destroy
 
 S = 10**9
 LATEST = Time()

@@ -22,9 +22,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from dummy_arm.tf import TFMessage
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
+from puretf import TFMessage
+from puretf._core.pose import Row
+from puretf._wire import cdr
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

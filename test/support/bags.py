@@ -20,8 +20,8 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-from dummy_arm.doctor import examine_bag
-from dummy_arm.tf._core.pose import Row
+from puretf._core.pose import Row
+from puretf_tools.doctor import examine_bag
 
 S = 10**9
 #: Every kind of bag, with each of its compressions.

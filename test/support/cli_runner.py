@@ -11,7 +11,7 @@ from participants import destroy_newest
 from processes import ARM, open_terminal, Process, reserved_domain, TIMEOUT
 import pytest
 
-from dummy_arm.cli.signals import forget_signals
+from puretf_tools.cli.signals import forget_signals
 
 
 class Result(NamedTuple):
@@ -102,9 +102,9 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
             outputs.append(Output(number, columns, look))
         try:
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr('dummy_arm.cli.node.destroy', destroy_newest)
+                patch.setattr('puretf_tools.cli.node.destroy', destroy_newest)
                 # It would end the tests if this machine is slow.
-                patch.setattr('dummy_arm.cli.signals._limit_end', lambda: None)
+                patch.setattr('puretf_tools.cli.signals._limit_end', lambda: None)
                 code = main(arguments)
         except SystemExit as end:
             code = end.code

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from dummy_arm.tf._ros import cyclone_dds, rclpy_private
+from puretf._ros import cyclone_dds, rclpy_private
 
 
 class Endpoint(ctypes.Structure):

@@ -24,9 +24,9 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, LookupException, TransformBroadcaster, TransformListener
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._ros.rclpy_private import RCLError
+from puretf import Buffer, LookupException, TransformBroadcaster, TransformListener
+from puretf._core.engine import engine_of
+from puretf._ros.rclpy_private import RCLError
 
 STILL = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 FRAMES = 20

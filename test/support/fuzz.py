@@ -77,7 +77,8 @@ def _fuzz(name: str, arguments: list[str]) -> None:
     """Run a target by libFuzzer; in a process of its own, which this function ends."""
     atheris = import_module('atheris')
     _end_with_parent()
-    with atheris.instrument_imports(include=['dummy_arm', 'fuzz_messages', 'fuzz_surfaces']):
+    with atheris.instrument_imports(include=['puretf', 'puretf_tools', 'dummy_arm',
+                                             'fuzz_messages', 'fuzz_surfaces']):
         check, seeds = target(name)
         for folder in arguments:
             if not folder.startswith('-') and Path(folder).is_dir():

@@ -31,16 +31,16 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from dummy_arm.robot.descriptions import parsed
-from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf._core import insertion
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.cdr import MalformedMessage
-from dummy_arm.tf._wire.definitions import checked_yaml
-from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
-from dummy_arm.tf.bag import BagError, BagMessage, messages, read
+from puretf import TransformBuffer, TransformException
+from puretf._core import insertion
+from puretf._core.engine import engine_of
+from puretf._core.pose import Row
+from puretf._wire import cdr, ros1
+from puretf._wire.cdr import MalformedMessage
+from puretf._wire.definitions import checked_yaml
+from puretf._wire.message_reader import Encoding, MessageReader
+from puretf.bag import BagError, BagMessage, messages, read
+from puretf_tools.robot.descriptions import parsed
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -459,7 +459,7 @@ def logged_texts() -> Iterator[list[str]]:
     handler = logging.Handler()
     handler.emit = lambda record: records.append(  # type: ignore[method-assign]
         record.getMessage())
-    logger = logging.getLogger('dummy_arm.tf')
+    logger = logging.getLogger('puretf')
     logger.addHandler(handler)
     propagates, logger.propagate = logger.propagate, False
     try:
@@ -491,8 +491,8 @@ def seeds_of_streams() -> Iterator[bytes]:
 _WORKER = """
 import pickle, struct, sys
 from rclpy.serialization import deserialize_message, serialize_message
-from dummy_arm.tf import TFMessage
-from dummy_arm.tf._ros.transform_stamped import fields_of
+from puretf import TFMessage
+from puretf._ros.transform_stamped import fields_of
 read, answers = sys.stdin.buffer.read, sys.stdout.buffer
 while head := read(4):
     try:
@@ -570,7 +570,7 @@ seeds_of_type = seeds_of_cdr
 
 @cache
 def _has_tf2_msgs() -> bool:
-    from dummy_arm.tf import TFMessage
+    from puretf import TFMessage
     return bool(TFMessage.__module__.startswith('tf2_msgs.'))
 
 

@@ -28,22 +28,22 @@ from typing import Any, NamedTuple, Optional
 from unittest.mock import patch
 
 import bags
-from environment import ROS
+from environment import COMMANDS, ROS
 from fuzz_messages import folder, Input, logged_texts, S, T
 
-from dummy_arm.inspection.forest import Forest
-from dummy_arm.inspection.graph import as_dot
-from dummy_arm.inspection.traffic import NodeTraffic, Summary
-from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf._core.frames import as_dot as frames_as_dot
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf.formatting import visible, visible_lines, visible_name
-from dummy_arm.tools.tf2_monitor import format_traffic
-from dummy_arm.tools.view_frames import format_tree
-from dummy_arm.view.details import details, overview
-from dummy_arm.view.feed import BagFeed
-from dummy_arm.view.placement import FrameWatcher
+from puretf import TransformBuffer, TransformException
+from puretf._core.frames import as_dot as frames_as_dot
+from puretf._core.pose import Row
+from puretf._wire import cdr
+from puretf.formatting import visible, visible_lines, visible_name
+from puretf_tools.commands.tf2_monitor import format_traffic
+from puretf_tools.commands.view_frames import format_tree
+from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.graph import as_dot
+from puretf_tools.inspection.traffic import NodeTraffic, Summary
+from puretf_tools.view.details import details, overview
+from puretf_tools.view.feed import BagFeed
+from puretf_tools.view.placement import FrameWatcher
 
 #: A line of a terminal may have this many characters: some names, abbreviated and then escaped.
 _LONGEST_LINE = 8000
@@ -150,8 +150,7 @@ def run_command(name: str, arguments: Sequence[str]) -> Outcome:
 def _module(name: str) -> Any:
     """Import the module of a command; None if it needs ROS and there is none."""
     try:
-        return import_module('dummy_arm.dummy_arm' if name == 'dummy_arm' else
-                             f'dummy_arm.tools.{name}')
+        return import_module(COMMANDS[name])
     except ModuleNotFoundError as error:
         if not (error.name or '').startswith(ROS):
             raise
@@ -224,7 +223,7 @@ def _check_errors(buffer: TransformBuffer, names: list[str], ends: tuple[str, st
         if offline is not None:
             listener = offline(buffer)
             check_lines(visible_lines(listener.why_no_transform(target, frame)), 12_000)
-            from dummy_arm.tools.tf2_monitor import Chain
+            from puretf_tools.commands.tf2_monitor import Chain
             check_lines('\n'.join(Chain(listener, (target, frame)).lines()), 12_000)
 
 
@@ -232,10 +231,10 @@ def _check_errors(buffer: TransformBuffer, names: list[str], ends: tuple[str, st
 def _offline_listener() -> Any:
     """Return a class of FrameListener with the frames of any buffer; None without ROS."""
     try:
-        from dummy_arm.inspection.frame_listener import FrameListener
+        from puretf_tools.inspection.frame_listener import FrameListener
     except ImportError:
         return None
-    from dummy_arm.tf import BufferCore
+    from puretf import BufferCore
 
     class Offline(FrameListener):
         """A listener without a node, whose frames have all arrived."""
@@ -385,8 +384,8 @@ class _Server:
         import viser
         import viser._messages as viser_messages
 
-        from dummy_arm.view.view import View
-        from dummy_arm.view.viser_private import Server
+        from puretf_tools.view.view import View
+        from puretf_tools.view.viser_private import Server
         self.faults: list[str] = []
         self._before = threading.excepthook
         threading.excepthook = lambda args: self.faults.append(f'a thread died: {args}')
@@ -589,9 +588,6 @@ def seeds_of_websocket() -> Iterator[bytes]:
 # Command lines
 
 
-_COMMANDS = ('check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'joint_state_publisher', 'param',
-             'robot_state_publisher', 'static_transform_publisher', 'tf2_echo',
-             'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')
 _WORDS = ('map', 'odom', 'base_link', 'walk.mcap', '', '0', '1', '-1', '2.5', '-1e-3', 'nan',
           '-nan', 'inf', '-inf', '1e400', '9' * 30, '1_0', '0x10', '٣', '/', '//', '.', '..',
           './x.csv', 'x.png', 'x.npz', 'x.tum', 'a.pdf', 'a.gv', 'missing/x.csv', '/proc/self/mem',
@@ -609,8 +605,8 @@ def _options(command: str) -> tuple[str, ...]:
 
 def _command_line(source: Input) -> tuple[str, list[str]]:
     """Return the name of a command, and arguments of the kind that it knows, or others."""
-    known = [name for name in _COMMANDS if _module(name) is not None]
-    command = source.choice(_COMMANDS)
+    known = [name for name in [*COMMANDS] if _module(name) is not None]
+    command = source.choice([*COMMANDS])
     command = command if command in known else known[0]
     arguments = []
     for _ in range(source.integer(9)):
@@ -647,7 +643,7 @@ def check_commands(data: bytes) -> None:
 
 def seeds_of_commands() -> Iterator[bytes]:
     """Yield command lines with a bag, with options, and with junk."""
-    for number in range(len(_COMMANDS)):
+    for number in range(len([*COMMANDS])):
         yield bytes([number, 0])
         yield bytes([number, 1, 5, 0, 0])
         yield bytes([number, 3, 5, 0, 0, 1, 0, 0, 1, 0, 2])

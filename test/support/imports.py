@@ -8,14 +8,17 @@ from typing import Optional
 
 from environment import ROOT, ROS
 
-from dummy_arm import tf
+import puretf
+
+#: The packages of the project.
+PACKAGES = 'puretf', 'puretf_tools', 'dummy_arm'
 
 
 @cache
 def modules() -> dict[str, Path]:
-    """Return the file of each module of the package, by its name."""
+    """Return the file of each module of the packages, by its name."""
     found = {}
-    for path in sorted((ROOT / 'dummy_arm').rglob('*.py')):
+    for path in sorted(path for name in PACKAGES for path in (ROOT / name).rglob('*.py')):
         parts = path.relative_to(ROOT).with_suffix('').parts
         found['.'.join(parts[:-1] if parts[-1] == '__init__' else parts)] = path
     return found
@@ -38,7 +41,7 @@ def _nodes(tree: ast.AST, is_late: bool) -> Iterator[ast.AST]:
 @cache
 def imported(path: Path, is_late: bool = True) -> frozenset[str]:
     """
-    Return the modules that a file imports, and of dummy_arm.tf the names: 'dummy_arm.tf:Buffer'.
+    Return the modules that a file imports, and of puretf the names: 'puretf:Buffer'.
 
     :param is_late: whether to return those that it imports in functions, too.
     """
@@ -51,15 +54,15 @@ def imported(path: Path, is_late: bool = True) -> frozenset[str]:
             for alias in node.names:
                 name = f'{node.module}.{alias.name}'
                 found.add(name if name in modules() else node.module)
-                if node.module == 'dummy_arm.tf' and alias.name in tf._MODULES:
-                    found.add(f'dummy_arm.tf:{alias.name}')
+                if node.module == 'puretf' and alias.name in puretf._MODULES:
+                    found.add(f'puretf:{alias.name}')
     return frozenset(found)
 
 
 def file_of(name: str) -> Optional[Path]:
-    """Return the file of a module of the package or the tests, or of a name of dummy_arm.tf."""
-    if name.startswith('dummy_arm.tf:'):
-        name = f'dummy_arm.tf.{tf._MODULES[name.partition(":")[2]]}'
+    """Return the file of a module of the package or the tests, or of a name of puretf."""
+    if name.startswith('puretf:'):
+        name = f'puretf.{puretf._MODULES[name.partition(":")[2]]}'
     beside = ROOT / 'test' / 'support' / f'{name}.py'
     return modules().get(name) or (beside if beside.exists() else None)
 

@@ -7,12 +7,12 @@ from typing import Any, NoReturn
 from environment import DATA
 import pytest
 
-from dummy_arm.tf._bag.context import Stream
-from dummy_arm.tf._core.pose import BatchOrRows, Row
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.cdr import Fields
-from dummy_arm.tf._wire.message_reader import MessageReader
-from dummy_arm.tf.bag import BagMessage
+from puretf._bag.context import Stream
+from puretf._core.pose import BatchOrRows, Row
+from puretf._wire import cdr
+from puretf._wire.cdr import Fields
+from puretf._wire.message_reader import MessageReader
+from puretf.bag import BagMessage
 
 
 @cache

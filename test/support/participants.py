@@ -5,7 +5,7 @@ import os
 
 from rclpy.node import Node
 
-from dummy_arm.cli import fast_dds
+from puretf_tools.cli import fast_dds
 
 _LOOKUP_ALL = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory19lookup_participantsEj'
 

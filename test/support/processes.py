@@ -15,10 +15,10 @@ import threading
 import time
 from typing import Any
 
-from environment import code_without, ROS
+from environment import code_without, COMMANDS, ROS
 import pytest
 
-from dummy_arm.tf.domains import used_domains
+from puretf.domains import used_domains
 
 TIMEOUT = 60.0  # s; most waits take well under a second, unless the machine is overloaded
 _GRACE = 10.0  # s; a process normally ends within 0.2 s
@@ -30,12 +30,13 @@ own_pids = {os.getpid()}
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:
     """Return the arguments with which python runs a command of the package."""
-    return '-c', f'import sys, dummy_arm.cli.entry_points as e; sys.exit(e.{name}())', *arguments
+    package = COMMANDS[name].partition('.')[0]
+    return '-c', f'import sys, {package}.entry_points as e; sys.exit(e.{name}())', *arguments
 
 
 ARM = tool('dummy_arm')
 #: Code before that of `tool`: from the line `begun` on, signals are handled as in a command.
-BEGUN = ('from dummy_arm.cli.signals import record_signals; record_signals(); '
+BEGUN = ('from puretf_tools.cli.signals import record_signals; record_signals(); '
          'print("begun", flush=True); ')
 
 

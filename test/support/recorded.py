@@ -2,11 +2,11 @@
 
 import struct
 
-from dummy_arm.doctor.observation import Observation
-from dummy_arm.doctor.tf_statistics import Statistics
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf.bag import Headers
+from puretf._core.pose import Row
+from puretf._wire import cdr
+from puretf.bag import Headers
+from puretf_tools.doctor.observation import Observation
+from puretf_tools.doctor.tf_statistics import Statistics
 
 S, MS = 10**9, 10**6
 T = 1_700_000_000 * S

@@ -21,8 +21,8 @@ from rclpy.utilities import (
     try_shutdown,
 )
 
-from dummy_arm.cli.fast_dds import destroy
-from dummy_arm.cli.node import ros_context
+from puretf_tools.cli.fast_dds import destroy
+from puretf_tools.cli.node import ros_context
 
 NodeType = TypeVar('NodeType', bound=Node)
 _Result = TypeVar('_Result')

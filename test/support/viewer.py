@@ -127,7 +127,7 @@ class Viewer:
 
     def rods(self, key: str) -> Any:
         """
-        Return a property of the rods of the frames: (5, n, …), see `dummy_arm.view.rods`.
+        Return a property of the rods of the frames: (5, n, …), see `puretf_tools.view.rods`.
 
         :param key: 'positions', 'wxyzs', 'scales' or 'colors'.
         """
@@ -151,8 +151,8 @@ class Page:
 
     def __init__(self, feed, clock, stack, meshes=()):
         """Serve and update the page, and connect the viewer; `clock[0]`: the time (s)."""
-        from dummy_arm.view.server import serve
-        from dummy_arm.view.view import View
+        from puretf_tools.view.server import serve
+        from puretf_tools.view.view import View
         self.feed, self.clock = feed, clock
         self.server = stack.enter_context(serve('127.0.0.1'))
         self.view = View(feed, self.server, lambda: clock[0], meshes)

@@ -21,9 +21,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from dummy_arm.cli.bag_options import read_bag
-from dummy_arm.tf import bag, Transform, TransformBuffer
-from dummy_arm.tf.bag import BagError, read
+from puretf import bag, Transform, TransformBuffer
+from puretf.bag import BagError, read
+from puretf_tools.cli.bag_options import read_bag
 
 bags = pytest.importorskip('bags')
 S = bags.S
@@ -603,7 +603,7 @@ def test_a_library_that_is_missing(tmp_path, monkeypatch):
     """The error says how to install it; it is not damage of the bag."""
     path = bags.make(tmp_path, 'mcap', bags.walk(1))
     for name in [*sys.modules]:
-        if name.startswith(('rosbags.', 'dummy_arm.tf._bag.whole_files')):
+        if name.startswith(('rosbags.', 'puretf._bag.whole_files')):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, 'rosbags', None)
     assert re.fullmatch(r'a library that reads bags cannot be imported \(.*\): pip install .*',

@@ -7,19 +7,19 @@ import struct
 import numpy as np
 import pytest
 
-from dummy_arm.tf import TransformBuffer
+from puretf import TransformBuffer
 
 pytest.importorskip('viser')
 pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
 from viewer import CLICK, Page, recorded
 
-from dummy_arm.inspection.robots import prefix
-from dummy_arm.robot.descriptions import parsed
-from dummy_arm.view import meshes as meshes_module
-from dummy_arm.view.body import MAX_SHAPES
-from dummy_arm.view.export import Recording
-from dummy_arm.view.feed import BagFeed
-from dummy_arm.view.meshes import load, MeshError, Meshes
+from puretf_tools.inspection.robots import prefix
+from puretf_tools.robot.descriptions import parsed
+from puretf_tools.view import meshes as meshes_module
+from puretf_tools.view.body import MAX_SHAPES
+from puretf_tools.view.export import Recording
+from puretf_tools.view.feed import BagFeed
+from puretf_tools.view.meshes import load, MeshError, Meshes
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -385,7 +385,7 @@ def test_parts_that_are_used_often_count_each_time(tmp_path, monkeypatch):
 
 def test_a_robot_of_too_many_triangles(page, tmp_path, monkeypatch):
     """The meshes beyond the limit are grey boxes."""
-    from dummy_arm.view import body as body_module
+    from puretf_tools.view import body as body_module
     monkeypatch.setattr(body_module, 'MAX_TRIANGLES', 1)
     (tmp_path / 'a.stl').write_bytes(stl([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
     body = robot(link('base', *[(f'<mesh filename="file://{tmp_path}/a.stl"/>',)] * 2))

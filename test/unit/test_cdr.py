@@ -9,8 +9,8 @@ from messages import golden_fields, golden_messages, golden_rows
 import numpy as np
 import pytest
 
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
+from puretf._core.pose import Row
+from puretf._wire import cdr
 
 S = 10**9
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

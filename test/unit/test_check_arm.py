@@ -15,13 +15,13 @@ from hand_ins import read_table
 from processes import TIMEOUT, tool_without_ros
 import pytest
 
-from dummy_arm.cli.signals import record_signals
+from dummy_arm.check_arm import main
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK
 from dummy_arm.grading.requirements import FRAMES
-from dummy_arm.tf.formatting import visible
-from dummy_arm.tools.check_arm import main
+from puretf.formatting import visible
+from puretf_tools.cli.signals import record_signals
 
 
 def test_a_bag(tmp_path, capsys):

@@ -13,10 +13,13 @@ from types import SimpleNamespace
 from environment import on_linux, on_unix
 import pytest
 
-from dummy_arm.cli import entry_points, files, progress, signals
-from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
-from dummy_arm.cli.files import check_writable, whole_file
-from dummy_arm.cli.parser import (
+import dummy_arm.entry_points
+from puretf.bag import BagError
+from puretf_tools import entry_points
+from puretf_tools.cli import files, progress, signals
+from puretf_tools.cli.bag_options import add_bag_options, bag_progress, read_bag
+from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.parser import (
     CommandError,
     listening_time,
     number,
@@ -25,14 +28,13 @@ from dummy_arm.cli.parser import (
     seconds,
     UsageError,
 )
-from dummy_arm.cli.signals import (
+from puretf_tools.cli.signals import (
     begin_cleanup,
     check_signals,
     forget_signals,
     record_signals,
     signal_received,
 )
-from dummy_arm.tf.bag import BagError
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
 
@@ -171,8 +173,9 @@ def test_an_error_is_one_line_that_does_not_control_the_terminal(parser, capsys,
 
 def program(command):
     """Return the arguments with which python runs a command; `command` is its expression."""
-    return [sys.executable, '-c', 'import sys, time; from dummy_arm.cli.parser import Parser, run;'
-            f'sys.exit(run(Parser("tool", ""), lambda ros_args: {command}, interrupted=3))']
+    return [sys.executable, '-c', 'import sys, time; from puretf_tools.cli.parser import '
+            f'Parser, run; sys.exit(run(Parser("tool", ""), lambda ros_args: {command}, '
+            'interrupted=3))']
 
 
 @on_unix
@@ -225,8 +228,10 @@ def test_signals_while_a_command_is_imported(monkeypatch, command, code, count):
             assert count < 2 or command == 'check_arm'
             return lambda: 7
 
-    monkeypatch.setitem(sys.modules, f'dummy_arm.tools.{command}', Module())
-    assert getattr(entry_points, command)() == (code if count else 7)
+    package, points = (('dummy_arm', dummy_arm.entry_points) if command == 'check_arm' else
+                       ('puretf_tools.commands', entry_points))
+    monkeypatch.setitem(sys.modules, f'{package}.{command}', Module())
+    assert getattr(points, command)() == (code if count else 7)
     assert [signal.getsignal(each) for each in SIGNALS] == [signal.SIG_IGN] * 2
 
 
@@ -237,7 +242,7 @@ def test_a_module_that_is_missing(monkeypatch, capsys):
         def main(self) -> None:
             raise ModuleNotFoundError(name=name)
 
-    monkeypatch.setitem(sys.modules, 'dummy_arm.tools.param', Module())
+    monkeypatch.setitem(sys.modules, 'puretf_tools.commands.param', Module())
     name = 'geometry_msgs'
     assert entry_points.param() == 1
     assert capsys.readouterr().err.startswith(
@@ -297,8 +302,9 @@ def test_signals_are_forgotten(forget):
 
 LAST_RESORT = """if True:
     import atexit, ctypes, gc, signal, sys, threading, time, types
-    from dummy_arm.cli import entry_points, signals
-    from dummy_arm.cli.signals import begin_cleanup, end_cleanup, record_signals
+    from puretf_tools import entry_points
+    from puretf_tools.cli import signals
+    from puretf_tools.cli.signals import begin_cleanup, end_cleanup, record_signals
 
     signals._LONGEST_END = 1
 
@@ -307,7 +313,7 @@ LAST_RESORT = """if True:
             signal.raise_signal(signal.SIGTERM)
 
     def run(main):
-        module = sys.modules['dummy_arm.tools.param'] = types.ModuleType('param')
+        module = sys.modules['puretf_tools.commands.param'] = types.ModuleType('param')
         module.main = main
         sys.exit(entry_points.param())
 

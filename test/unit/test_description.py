@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dummy_arm.robot.description import DescriptionError, MAX_SIZE, Mimic, parse, read
+from puretf_tools.robot.description import DescriptionError, MAX_SIZE, Mimic, parse, read
 
 pytest.importorskip('urdf_parser_py')
 
@@ -459,7 +459,7 @@ def test_bad_input_is_one_clear_error(name):
 def test_bad_input_is_refused_without_assertions():
     """`python -O` removes the assertions with which urdf_parser_py checks."""
     texts = [text for name, (text, _) in BAD.items() if name in ('two numbers', 'type')]
-    code = ('import sys\nfrom dummy_arm.robot.description import DescriptionError, parse\n'
+    code = ('import sys\nfrom puretf_tools.robot.description import DescriptionError, parse\n'
             'for text in sys.argv[1:]:\n    try:\n        parse(text)\n'
             '    except DescriptionError:\n        print("refused")\n')
     done = subprocess.run([sys.executable, '-O', '-c', code, *texts], text=True, timeout=60,
@@ -561,7 +561,7 @@ def test_a_missing_package_is_named(tmp_path, module, call, remedy):
     file = tmp_path / 'r.xacro'
     file.write_text(XACRO.replace('"r"', '"$(find nothing)"'))
     code = code_without([module]) + (
-        'from dummy_arm.robot.description import DescriptionError, parse, read\n'
+        'from puretf_tools.robot.description import DescriptionError, parse, read\n'
         f'try:\n    {call}\nexcept DescriptionError as error:\n    print(error)\n')
     done = subprocess.run([sys.executable, '-c', code, ROBOTS['car'], os.fspath(file)], text=True,
                           timeout=60, capture_output=True, check=True)

@@ -6,7 +6,7 @@ from importlib import import_module
 from imports import modules
 import pytest
 
-from dummy_arm.tf import formatting
+from puretf import formatting
 
 NAMES = [name for name, path in modules().items() if '>>> ' in path.read_text()]
 

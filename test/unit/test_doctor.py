@@ -18,12 +18,12 @@ import warnings
 from processes import tool_without_ros
 import pytest
 
-from dummy_arm.doctor import ERROR, examine, examine_bag
-from dummy_arm.doctor.checks import CHECKS
-from dummy_arm.robot import descriptions
-from dummy_arm.robot.observed import robots_in_bag
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.tools.tf_doctor import main
+from puretf import TransformBuffer
+from puretf_tools.commands.tf_doctor import main
+from puretf_tools.doctor import ERROR, examine, examine_bag
+from puretf_tools.doctor.checks import CHECKS
+from puretf_tools.robot import descriptions
+from puretf_tools.robot.observed import robots_in_bag
 
 bags = pytest.importorskip('bags')
 Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime = (
@@ -1011,7 +1011,7 @@ def test_examine_bag(several):
 
 def test_a_process_that_is_killed(capsys, monkeypatch, several):
     """It costs the report of its bag only."""
-    monkeypatch.setattr('dummy_arm.tools.tf_doctor.examine_bag',
+    monkeypatch.setattr('puretf_tools.commands.tf_doctor.examine_bag',
                         bags.examine_unless_faulty)
     assert main(['--bag', *map(str, several), '--jobs', '2', '--json']) == 1
     results = [json.loads(line) for line in capsys.readouterr().out.splitlines()]

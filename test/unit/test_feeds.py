@@ -3,9 +3,9 @@
 import pytest
 from recorded import MS, observed, T, tf
 
-from dummy_arm.doctor import examine
-from dummy_arm.inspection.feeds import halves, OtherTopic, Sender
-from dummy_arm.inspection.robots import Robot
+from puretf_tools.doctor import examine
+from puretf_tools.inspection.feeds import halves, OtherTopic, Sender
+from puretf_tools.inspection.robots import Robot
 
 #: 50 Hz for 2 s.
 ROBOT = [tf(i, i, 'map odom') for i in range(0, 2000, 20)]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from dummy_arm.inspection.forest import Forest, frequency
-from dummy_arm.tf import Frame
+from puretf import Frame
+from puretf_tools.inspection.forest import Forest, frequency
 
 
 def static(name, parent):

@@ -9,11 +9,11 @@ import traceback
 from messages import ArrivedMessages
 import pytest
 
-from dummy_arm.tf import LookupException, TransformBuffer
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.history import History
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
+from puretf import LookupException, TransformBuffer
+from puretf._core.engine import engine_of
+from puretf._core.history import History
+from puretf._core.pose import Row
+from puretf._wire import cdr
 
 pytestmark = [
     pytest.mark.skipif(not hasattr(os, 'fork'), reason='there is no os.fork here'),

@@ -12,9 +12,9 @@ from environment import on_linux, on_unix
 from processes import is_running, TIMEOUT
 import pytest
 
-from dummy_arm.inspection.forest import Forest
-from dummy_arm.inspection.graph import as_dot, draw, DrawingError
-from dummy_arm.tf import Frame
+from puretf import Frame
+from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.graph import as_dot, draw, DrawingError
 
 S = 10**9
 ODD = ['54', 'on', 'a: b', 'say "hi"', 'two\nlines', 'ünï', 'back\\slash', 'end\\', '<b>b</b>',

@@ -7,18 +7,18 @@ from typing import cast
 
 import pytest
 
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.view.placement import FrameWatcher
+from puretf import TransformBuffer
+from puretf_tools.view.placement import FrameWatcher
 
 pytest.importorskip('viser')
 from viewer import Viewer
 from websockets.exceptions import ConnectionClosed
 
-from dummy_arm.view.copied import command_line
-from dummy_arm.view.hand_frame import HandFrame, yaml_text
-from dummy_arm.view.hand_publisher import HandPublisher, StaticTransform
-from dummy_arm.view.server import serve
-from dummy_arm.view.viser_private import HANDLES
+from puretf_tools.view.copied import command_line
+from puretf_tools.view.hand_frame import HandFrame, yaml_text
+from puretf_tools.view.hand_publisher import HandPublisher, StaticTransform
+from puretf_tools.view.server import serve
+from puretf_tools.view.viser_private import HANDLES
 
 T = 1_700_000_000 * 10**9
 HALF = 0.5 ** 0.5

@@ -8,9 +8,9 @@ from typing import Any
 from environment import ROOT
 import pytest
 
-from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
+from puretf import TransformBuffer, TransformException
+from puretf._core.engine import engine_of
+from puretf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -52,7 +52,7 @@ def hint_of(buffer, time=0, source='base'):
 def silent(monkeypatch):
     """Let some seconds pass after the last arrival, by `silent(seconds)`."""
     def wait(seconds):
-        monkeypatch.setattr('dummy_arm.tf._core.tree.monotonic_ns',
+        monkeypatch.setattr('puretf._core.tree.monotonic_ns',
                             lambda: monotonic_ns() + int(seconds * S))
 
     return wait
@@ -560,7 +560,7 @@ def test_a_hint_survives_what_it_asks():
 def test_the_sections_that_hints_name_exist():
     """A hint ends with the heading of a section of docs/troubleshooting.md."""
     page = (ROOT / 'docs' / 'troubleshooting.md').read_text()
-    source = '\n'.join(path.read_text() for path in (ROOT / 'dummy_arm').rglob('*.py'))
+    source = '\n'.join(path.read_text() for path in (ROOT / 'puretf').rglob('*.py'))
     named = set(re.findall(r'\bsee\(\s*["\']([^"\']+)["\']\)', source))
     assert 'use_sim_time and the wall clock' in named
     assert named <= set(re.findall('^## (.*)$', page, re.MULTILINE))

@@ -5,35 +5,26 @@ import subprocess
 import sys
 
 from environment import ROOT, WITHOUT_ROS
-from imports import imported, modules, of_ros, reached
+from imports import imported, modules, of_ros, PACKAGES, reached
 
-#: For each part of the package the parts of it that may be imported. The longest name counts.
+#: For each part of the packages the parts that it may import. The longest name counts.
 MAY_IMPORT = {
-    'dummy_arm.dummy_arm': ['dummy_arm.arm', 'dummy_arm.cli', 'dummy_arm.tf'],
-    'dummy_arm.arm': ['dummy_arm.tf'],
-    'dummy_arm.doctor': ['dummy_arm.doctor', 'dummy_arm.inspection', 'dummy_arm.tf'],
-    'dummy_arm.cli': ['dummy_arm.cli', 'dummy_arm.tf'],
-    'dummy_arm.grading': ['dummy_arm.cli', 'dummy_arm.grading', 'dummy_arm.inspection',
-                          'dummy_arm.tf'],
-    'dummy_arm.inspection': ['dummy_arm.inspection', 'dummy_arm.tf'],
-    'dummy_arm.robot': ['dummy_arm.inspection', 'dummy_arm.robot', 'dummy_arm.tf'],
-    'dummy_arm.tools': ['dummy_arm.arm', 'dummy_arm.cli', 'dummy_arm.doctor',
-                        'dummy_arm.grading', 'dummy_arm.inspection', 'dummy_arm.robot',
-                        'dummy_arm.tf', 'dummy_arm.view'],
-    'dummy_arm.view': ['dummy_arm.cli', 'dummy_arm.doctor', 'dummy_arm.inspection',
-                       'dummy_arm.robot', 'dummy_arm.tf', 'dummy_arm.view'],
-    'dummy_arm.tf': ['dummy_arm.tf'],
-    'dummy_arm.tf._core': ['dummy_arm.tf._core', 'dummy_arm.tf.exceptions',
-                           'dummy_arm.tf.transform'],
-    'dummy_arm.tf._wire': ['dummy_arm.tf._wire', 'dummy_arm.tf._core.pose',
-                           'dummy_arm.tf._core.times', 'dummy_arm.tf.exceptions'],
-    'dummy_arm.tf._bag': ['dummy_arm.tf._bag', 'dummy_arm.tf._core', 'dummy_arm.tf._wire'],
-    'dummy_arm.tf._tf2_msgs': ['dummy_arm.tf._core', 'dummy_arm.tf._tf2_msgs',
-                               'dummy_arm.tf._wire'],
-    'dummy_arm.tf._ros': ['dummy_arm.tf._core', 'dummy_arm.tf._ros', 'dummy_arm.tf._tf2_msgs',
-                          'dummy_arm.tf._wire', 'dummy_arm.tf.exceptions',
-                          'dummy_arm.tf.transform']}
-NO_ROS = 'dummy_arm.tf._core', 'dummy_arm.tf._wire', 'dummy_arm.tf._bag', 'dummy_arm.doctor'
+    'puretf': ['puretf'],
+    'puretf._core': ['puretf._core', 'puretf.exceptions', 'puretf.transform'],
+    'puretf._wire': ['puretf._wire', 'puretf._core.pose', 'puretf._core.times',
+                     'puretf.exceptions'],
+    'puretf._bag': ['puretf._bag', 'puretf._core', 'puretf._wire'],
+    'puretf._tf2_msgs': ['puretf._core', 'puretf._tf2_msgs', 'puretf._wire'],
+    'puretf._ros': ['puretf._core', 'puretf._ros', 'puretf._tf2_msgs', 'puretf._wire',
+                    'puretf.exceptions', 'puretf.transform'],
+    'puretf_tools': ['puretf_tools.cli'],
+    **{f'puretf_tools.{room}': ['puretf', *(f'puretf_tools.{other}' for other in others.split())]
+       for room, others in {
+           'inspection': 'inspection', 'cli': 'cli', 'robot': 'robot inspection cli',
+           'doctor': 'doctor robot inspection', 'view': 'view doctor robot inspection cli',
+           'commands': 'view doctor robot inspection cli'}.items()},
+    'dummy_arm': ['dummy_arm', 'puretf', 'puretf_tools.cli', 'puretf_tools.inspection']}
+NO_ROS = 'puretf._core', 'puretf._wire', 'puretf._bag', 'puretf_tools.doctor'
 
 
 def lies_in(name, part):
@@ -53,14 +44,14 @@ def is_private(name):
 
 def may_import(name, other):
     """Return True if a module may import another one of the package."""
-    if is_private(other) and not lies_in(name, 'dummy_arm.tf'):
+    if is_private(other) and not lies_in(name, 'puretf'):
         return False
     return any(lies_in(other, part) for part in MAY_IMPORT[part_of(name)])
 
 
 def own(names):
-    """Return those of some modules that are in this package, without the package itself."""
-    return {name for name in names if name in modules() and name != 'dummy_arm'}
+    """Return those of some modules that are in these packages, without the packages themselves."""
+    return {name for name in names if name in modules() and name not in PACKAGES}
 
 
 NAMES = sorted(own(modules()))
@@ -74,13 +65,13 @@ def test_a_module_imports_only_what_it_may():
 
 def test_what_may_not_be_imported_is_noticed():
     """The rules accept what is allowed, and nothing else."""
-    assert not may_import('dummy_arm.doctor.report', 'dummy_arm.cli.bag_options')
-    assert not may_import('dummy_arm.grading.arm_check', 'dummy_arm.doctor.checks')
-    assert may_import('dummy_arm.tf.buffer', 'dummy_arm.tf._core.engine')
-    assert may_import('dummy_arm.tf._wire.cdr', 'dummy_arm.tf._core.pose')
-    assert not may_import('dummy_arm.tf.bag', 'dummy_arm.cli.signals')
-    assert not may_import('dummy_arm.tools.view_frames', 'dummy_arm.tf._core.texts')
-    assert not may_import('dummy_arm.tf._core.engine', 'dummy_arm.tf._wire.message_reader')
+    assert not may_import('puretf_tools.doctor.report', 'puretf_tools.cli.bag_options')
+    assert not may_import('dummy_arm.grading.arm_check', 'puretf_tools.doctor.checks')
+    assert may_import('puretf.buffer', 'puretf._core.engine')
+    assert may_import('puretf._wire.cdr', 'puretf._core.pose')
+    assert not may_import('puretf.bag', 'puretf_tools.cli.signals')
+    assert not may_import('puretf_tools.commands.view_frames', 'puretf._core.texts')
+    assert not may_import('puretf._core.engine', 'puretf._wire.message_reader')
 
 
 def test_no_module_imports_itself_by_way_of_others():
@@ -90,14 +81,15 @@ def test_no_module_imports_itself_by_way_of_others():
 
 def test_the_entry_points_import_nothing_but_signals():
     """They import the modules of commands by name, once signals are recorded."""
-    assert own(imported(modules()['dummy_arm.cli.entry_points'])) == {'dummy_arm.cli.signals'}
-    assert not own(imported(modules()['dummy_arm.cli.signals']))
+    for package in 'puretf_tools', 'dummy_arm':
+        assert own(reached(modules()[f'{package}.entry_points'])) == {
+            'puretf_tools.cli.entry_point', 'puretf_tools.cli.signals'}
 
 
 def test_what_every_command_starts_with_is_light():
     """It does not import numpy, which takes longer than all the rest."""
-    for name in 'cli.entry_points', 'cli.parser', 'tf.formatting':
-        assert 'numpy' not in reached(modules()[f'dummy_arm.{name}'], is_late=False)
+    for name in 'puretf_tools.cli.entry_point', 'puretf_tools.cli.parser', 'puretf.formatting':
+        assert 'numpy' not in reached(modules()[name], is_late=False)
 
 
 def test_grading_starts_without_numpy():
@@ -118,19 +110,19 @@ WITHOUT = [name for name in NAMES if not of_ros(reached(modules()[name], is_late
 
 def test_modules_that_need_no_ros():
     """Those that users of bags need are among them."""
-    assert {'dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.bag', 'dummy_arm.tf.transform_buffer',
-            'dummy_arm.doctor', 'dummy_arm.tf.exceptions', 'dummy_arm.tf.rotations',
-            'dummy_arm.tf.formatting', 'dummy_arm.tf.transform', 'dummy_arm.tf.transform_table',
-            'dummy_arm.tools.tf2_echo', 'dummy_arm.tools.tf_doctor',
-            'dummy_arm.tools.tf_trajectory', 'dummy_arm.tools.view_frames',
-            'dummy_arm.tools.web_view', 'dummy_arm.view.feed'} <= {*WITHOUT}
-    assert 'dummy_arm.tf.buffer' not in WITHOUT
+    assert {'dummy_arm.arm', 'puretf.bag', 'puretf.transform_buffer',
+            'puretf_tools.doctor.observation', 'puretf.exceptions', 'puretf.rotations',
+            'puretf.formatting', 'puretf.transform', 'puretf.transform_table',
+            'puretf_tools.commands.tf2_echo', 'puretf_tools.commands.tf_doctor',
+            'puretf_tools.commands.tf_trajectory', 'puretf_tools.commands.view_frames',
+            'puretf_tools.commands.web_view', 'puretf_tools.view.feed'} <= {*WITHOUT}
+    assert 'puretf.buffer' not in WITHOUT
 
 
 def test_modules_that_reach_no_ros_can_be_imported_without_it():
     """Neither rclpy nor any message package can be imported there."""
     # These import viser, rosbags or mcap, which need not be installed.
-    others = 'dummy_arm.view.', 'dummy_arm.tf._bag.whole_files', 'dummy_arm.tf._bag.mcap_stream'
+    others = 'puretf_tools.view.', 'puretf._bag.whole_files', 'puretf._bag.mcap_stream'
     names = [name for name in WITHOUT if not name.startswith(others)]
     code = ''.join(f'import {name}\n' for name in names)
     subprocess.run([sys.executable, '-c', WITHOUT_ROS + code], check=True, env=os.environ,
@@ -138,12 +130,12 @@ def test_modules_that_reach_no_ros_can_be_imported_without_it():
 
 
 def test_examples_use_public_names_only():
-    """They import `dummy_arm.tf` and its modules without an underscore."""
+    """They import `puretf` and its modules without an underscore."""
     for path in (ROOT / 'docs' / 'examples').glob('*.py'):
-        used = {name.partition(':')[0] for name in imported(path) if name.startswith('dummy_arm')}
+        used = {name.partition(':')[0] for name in imported(path) if name.startswith(PACKAGES)}
         assert used, path
         assert not [name for name in used
-                    if not lies_in(name, 'dummy_arm.tf') or is_private(name)], path
+                    if not lies_in(name, 'puretf') or is_private(name)], path
 
 
 def test_no_module_has_a_name_of_the_standard_library():

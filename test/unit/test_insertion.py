@@ -14,15 +14,15 @@ from messages import ArrivedMessages, fail_on_error, golden_messages, golden_row
 import numpy as np
 import pytest
 
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.tf._core import insertion
-from dummy_arm.tf._core.composition import normalized
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.history import History
-from dummy_arm.tf._core.insertion import normalize_poses
-from dummy_arm.tf._core.pose import Batch, Row
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.message_reader import MessageReader
+from puretf import TransformBuffer
+from puretf._core import insertion
+from puretf._core.composition import normalized
+from puretf._core.engine import engine_of
+from puretf._core.history import History
+from puretf._core.insertion import normalize_poses
+from puretf._core.pose import Batch, Row
+from puretf._wire import cdr
+from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000
@@ -452,7 +452,7 @@ def test_a_log_may_look_up_while_transforms_are_refused(monkeypatch):
             thread.start()
             thread.join(60.0)
 
-    monkeypatch.setattr(logging.getLogger('dummy_arm.tf'), 'handlers', [Handler()])
+    monkeypatch.setattr(logging.getLogger('puretf'), 'handlers', [Handler()])
     insert(buffer, reader, cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'x', 'x', STILL)]))
     assert found == [True]
     assert not buffer.insert(T * S, 'y', 'y', STILL)  # within the same second

@@ -5,8 +5,8 @@ from math import inf, nan, pi
 import pytest
 
 pytest.importorskip('urdf_parser_py')
-from dummy_arm.robot.description import parse
-from dummy_arm.robot.joint_positions import bounds, JointPositions
+from puretf_tools.robot.description import parse
+from puretf_tools.robot.joint_positions import bounds, JointPositions
 
 
 def robot(*joints):

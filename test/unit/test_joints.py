@@ -13,10 +13,10 @@ pytest.importorskip('viser')
 pytest.importorskip('urdf_parser_py')
 from viewer import Viewer
 
-from dummy_arm.robot.description import parse
-from dummy_arm.view.joint_control import JointControl, JointControls
-from dummy_arm.view.joints import Joints
-from dummy_arm.view.server import serve
+from puretf_tools.robot.description import parse
+from puretf_tools.view.joint_control import JointControl, JointControls
+from puretf_tools.view.joints import Joints
+from puretf_tools.view.server import serve
 
 
 def joint(name, kind, limits, more=''):

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from messages import fail_on_error
 import pytest
 
-from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf._core import texts
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.frames import as_string, Frame
-from dummy_arm.tf._core.history import History
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._core.texts import abbreviated, in_log, visible, visible_lines
-from dummy_arm.tf._core.tree import FrameTree
-from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.message_reader import MessageReader
+from puretf import TransformBuffer, TransformException
+from puretf._core import texts
+from puretf._core.engine import engine_of
+from puretf._core.frames import as_string, Frame
+from puretf._core.history import History
+from puretf._core.pose import Row
+from puretf._core.texts import abbreviated, in_log, visible, visible_lines
+from puretf._core.tree import FrameTree
+from puretf._wire import cdr, ros1
+from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -433,8 +433,8 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     for parent, child in ('map', 'a'), ('c', 'b'), ('b', 'c'):
         buffer.insert(T, parent, child, STILL)
     watched = Watched(buffer, as_string)
-    monkeypatch.setattr('dummy_arm.tf._core.frames.as_string', watched)
-    monkeypatch.setattr('dummy_arm.tf._core.tree.as_string', watched)
+    monkeypatch.setattr('puretf._core.frames.as_string', watched)
+    monkeypatch.setattr('puretf._core.tree.as_string', watched)
     listed = ('Frame a exists with parent map.\nFrame b exists with parent c.\n'
               'Frame c exists with parent b.\n')
     assert buffer.all_frames_as_string() == listed

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from dummy_arm.tf import (
+from puretf import (
     InvalidArgumentException,
     LookupException,
     TransformBuffer,

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 import pytest
 from recorded import header_of, judged, MS, observed, S, T, tf
 
-from dummy_arm.doctor.message_times import CACHE, Verdict
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.tf._wire import headers
+from puretf import TransformBuffer
+from puretf._wire import headers
+from puretf_tools.doctor.message_times import CACHE, Verdict
 
 STATIC = tf(0, 0, 'map odom', 'base laser', is_static=True)
 

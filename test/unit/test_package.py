@@ -1,16 +1,14 @@
 """The package as a whole: metadata, commands, names."""
 
-from inspect import getmembers, isfunction
 import re
 import subprocess
 import sys
 from xml.etree import ElementTree
 
-from environment import code_without, ROOT, ROS
+from environment import code_without, COMMANDS, ROOT, ROS
 import pytest
 
-from dummy_arm import tf
-from dummy_arm.cli import entry_points
+import puretf
 
 
 def test_setup_py_and_package_xml_agree():
@@ -33,8 +31,8 @@ def test_the_page_of_tf_doctor_is_in_sdist_and_wheel(tmp_path):
                     'build', '--build-base', str(tmp_path)],
                    cwd=ROOT, capture_output=True, check=True, timeout=60)
     page = ROOT / 'docs' / 'troubleshooting.md'
-    (installed,) = (tmp_path / 'lib' / 'dummy_arm').rglob(page.name)
-    assert installed == tmp_path / 'lib' / 'dummy_arm' / 'doctor' / page.name
+    (installed,) = (tmp_path / 'lib').rglob(page.name)
+    assert installed == tmp_path / 'lib' / 'puretf_tools' / 'doctor' / page.name
     assert installed.read_text() == page.read_text()
     sources = tmp_path / 'dummy_arm.egg-info' / 'SOURCES.txt'
     assert 'docs/troubleshooting.md' in sources.read_text().splitlines()
@@ -49,18 +47,26 @@ def test_the_changelog_has_this_version():
     assert re.search(heading, changelog, re.MULTILINE)
 
 
+def test_a_program_for_version_0_3_is_migrated_by_the_command_of_the_changelog(tmp_path):
+    """After the command, it imports the same objects from the new packages."""
+    (command,) = re.findall(r'``(sed .*) program\.py``', (ROOT / 'CHANGELOG.rst').read_text())
+    program = tmp_path / 'program.py'
+    program.write_text('from dummy_arm import tf\nimport dummy_arm.tf.rotations\n'
+                       'from dummy_arm.tf import Transform\nfrom dummy_arm.robot import parse\n'
+                       'from dummy_arm.doctor import examine\n'
+                       'assert tf.Transform is Transform is dummy_arm.tf.Transform\n')
+    subprocess.run(f'{command} {program}', shell=True, check=True, timeout=60)
+    subprocess.run([sys.executable, program], check=True, timeout=60)
+
+
 def test_the_reference_has_all_public_modules():
-    """Each module that has names beside those of dummy_arm.tf is in it; Sphinx looks for names."""
+    """Each module that has names beside those of puretf is in it; Sphinx looks for names."""
     pages = (ROOT / 'docs' / 'reference').glob('*.rst')
     reference = ''.join(page.read_text() for page in pages)
-    modules = {path.stem for path in (ROOT / 'dummy_arm' / 'tf').glob('[a-z]*.py')}
-    assert {'bag', 'geometry', 'rotations'} < modules - tf._PUBLIC_MODULES
-    for module in modules - tf._PUBLIC_MODULES:
-        assert f'.. automodule:: dummy_arm.tf.{module}\n' in reference
-
-
-COMMANDS = [name for name, function in getmembers(entry_points, isfunction)
-            if function.__module__ == entry_points.__name__ and name[0] != '_']
+    modules = {path.stem for path in (ROOT / 'puretf').glob('[a-z]*.py')}
+    assert {'bag', 'geometry', 'rotations'} < modules - puretf._PUBLIC_MODULES
+    for module in modules - puretf._PUBLIC_MODULES:
+        assert f'.. automodule:: puretf.{module}\n' in reference
 
 
 def test_every_command_is_installed():
@@ -76,10 +82,11 @@ def test_a_command_that_needs_ros_says_so():
     arguments = {'param': ['node'], 'tf2_echo': ['map', 'odom'], 'tf_trajectory': ['map', 'odom']}
     lines = {name: [name, *arguments.get(name, [])] for name in COMMANDS}
     code = code_without(ROS) + f"""
-from dummy_arm.cli import entry_points
+from importlib import import_module
 for name, sys.argv in {lines}.items():
     try:
-        code = getattr(entry_points, name)()
+        package = {COMMANDS}[name].partition('.')[0]
+        code = getattr(import_module(package + '.entry_points'), name)()
     except SystemExit as end:
         code = end.code
     print(name, code)
@@ -94,6 +101,6 @@ for name, sys.argv in {lines}.items():
 
 def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
     """Names that are imported late appear in dir(); other names raise AttributeError."""
-    assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(tf))
+    assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(puretf))
     with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
-        _ = tf.Nonsense
+        _ = puretf.Nonsense

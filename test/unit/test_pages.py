@@ -8,8 +8,8 @@ from environment import ROOT
 from pages import ANSWERS, BLOCKS, PAGES, SECTIONS
 import pytest
 
-from dummy_arm import tf
-from dummy_arm.tf import rotations
+import puretf
+from puretf import rotations
 
 #: The number of blocks that are not run, by page and mark.
 NOT_RUN = {('bags.md', 'dask'): 1, ('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 5,
@@ -55,7 +55,7 @@ def test_names_that_are_missing_are_named():
     api = json.loads((ROOT / 'test' / 'data' / 'tf2_api.json').read_text())
     text = (ROOT / 'docs' / 'library.md').read_text()
     names = {name for package in ('tf2_ros', 'tf2_py') for name in api[package]}
-    assert names.difference(tf.__all__) == {
+    assert names.difference(puretf.__all__) == {
         'BufferClient', 'LookupTransform', 'LookupTransformGoal', 'LookupTransformResult',
         'FrameGraph', 'FrameGraphSrvRequest', 'FrameGraphSrvResponse'}
     quaternion_functions = {name for name in api['tf_transformations'] if 'quaternion' in name}

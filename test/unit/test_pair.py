@@ -8,14 +8,14 @@ import shlex
 import numpy as np
 import pytest
 
-from dummy_arm.tf import Transform, TransformBuffer
+from puretf import Transform, TransformBuffer
 
 pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 
 from viewer import Viewer
 
-from dummy_arm.view.pair import Pair
-from dummy_arm.view.server import serve
+from puretf_tools.view.pair import Pair
+from puretf_tools.view.server import serve
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -202,7 +202,7 @@ def test_no_transform(shown, buffer):
 def test_texts_to_copy(shown, buffer, child, monkeypatch):
     """The command gives the transform to 1e-9, and the line of Python to the last bit."""
     pytest.importorskip('rclpy', reason='the command needs ROS')
-    from dummy_arm.tools import static_transform_publisher
+    from puretf_tools.commands import static_transform_publisher
     pose = 1.0 / 3.0, -1e-7, -2e5 / 7.0, 0.5, -0.5, 0.5, -0.5
     buffer.insert(T, 'map', child, pose)
     shown.choose('map', child)

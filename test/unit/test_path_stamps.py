@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dummy_arm.tf import ConnectivityException, LookupException, TransformBuffer
+from puretf import ConnectivityException, LookupException, TransformBuffer
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

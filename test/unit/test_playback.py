@@ -6,19 +6,19 @@ import signal
 
 import pytest
 
-from dummy_arm.cli.signals import check_signals, record_signals, signal_received
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.tools import web_view
-from dummy_arm.tools.web_view import main
-from dummy_arm.view import feed as feed_module
-from dummy_arm.view.feed import BagFeed, Player
+from puretf import TransformBuffer
+from puretf_tools.cli.signals import check_signals, record_signals, signal_received
+from puretf_tools.commands import web_view
+from puretf_tools.commands.web_view import main
+from puretf_tools.view import feed as feed_module
+from puretf_tools.view.feed import BagFeed, Player
 
 pytest.importorskip('viser')
 from viewer import recorded, update, Viewer
 
-from dummy_arm.view.export import Recording
-from dummy_arm.view.playback import Playback
-from dummy_arm.view.server import serve
+from puretf_tools.view.export import Recording
+from puretf_tools.view.playback import Playback
+from puretf_tools.view.server import serve
 
 S = 10**9
 T = 1_700_000_000 * S

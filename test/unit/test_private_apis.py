@@ -12,19 +12,19 @@ from threading import RLock, Thread
 from typing import Any
 
 from environment import ROOT
+from imports import modules, PACKAGES
 
-PACKAGE = ROOT / 'dummy_arm'
 #: The slots of generated messages: geometry_msgs, std_msgs, builtin_interfaces.
 SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transform',
          '_translation', '_w', '_x', '_y', '_z'}
 #: The private names that are used, by the file that uses them: one file for each library.
 PRIVATE = {
-    'cli/parser.py': {'_option_string_actions'},  # argparse
-    'tf/_core/engine.py': {'_is_owned'},  # threading
-    'tf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
-    'tf/_ros/transform_stamped.py': SLOTS,
-    'view/viser_private.py': {'_handle_incoming_message', '_live_connections',
-                              '_websock_server'}}
+    'puretf_tools/cli/parser.py': {'_option_string_actions'},  # argparse
+    'puretf/_core/engine.py': {'_is_owned'},  # threading
+    'puretf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
+    'puretf/_ros/transform_stamped.py': SLOTS,
+    'puretf_tools/view/viser_private.py': {'_handle_incoming_message', '_live_connections',
+                                           '_websock_server'}}
 #: Names with an underscore that the documentation of Python has.
 PUBLIC = {'_current_frames', '_thread', '_asdict', '_replace', '_make', '_exit'}
 
@@ -55,15 +55,15 @@ def used_names(tree):
                    [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
         for module in modules:
             parts = module.split('.')
-            if parts[0] != 'dummy_arm' and (
+            if parts[0] not in PACKAGES and (
                     any(map(is_private, parts)) or parts[:2] == ['rclpy', 'impl']):
                 yield module
 
 
 def test_private_names_are_used_by_one_file_for_each_library():
     """The listed names are used, and no others."""
-    trees = {str(path.relative_to(PACKAGE)): ast.parse(path.read_text())
-             for path in PACKAGE.rglob('*.py')}
+    trees = {str(path.relative_to(ROOT)): ast.parse(path.read_text())
+             for path in modules().values()}
     own = PUBLIC.union(*map(own_names, trees.values())) - SLOTS
     used = {path: {*used_names(tree)} - own for path, tree in trees.items()}
     assert {path: names for path, names in used.items() if names} == PRIVATE
@@ -71,13 +71,13 @@ def test_private_names_are_used_by_one_file_for_each_library():
 
 def test_fast_dds_is_used_by_one_file():
     """Its mangled symbols, which contain `eprosima`, are in no other file."""
-    assert [path.name for path in PACKAGE.rglob('*.py')
+    assert [path.name for path in modules().values()
             if 'eprosima' in path.read_text()] == ['fast_dds.py']
 
 
 def test_cyclone_dds_is_used_by_one_file():
     """The names of its functions, which begin with `dds_`, are in no other file."""
-    assert [path.name for path in PACKAGE.rglob('*.py')
+    assert [path.name for path in modules().values()
             if '.dds_' in path.read_text()] == ['cyclone_dds.py']
 
 

@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from dummy_arm.tf import bag, LookupException
-from dummy_arm.tf.bag import BagError, read, recordings
+from puretf import bag, LookupException
+from puretf.bag import BagError, read, recordings
 
 bags = pytest.importorskip('bags')
 S = bags.S

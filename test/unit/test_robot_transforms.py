@@ -17,9 +17,9 @@ from recorded_robots import (
     ZERO_AXES,
 )
 
-from dummy_arm.robot import robot_transforms
-from dummy_arm.robot.description import Description, DescriptionError, parse
-from dummy_arm.robot.robot_transforms import RobotTransforms
+from puretf_tools.robot import robot_transforms
+from puretf_tools.robot.description import Description, DescriptionError, parse
+from puretf_tools.robot.robot_transforms import RobotTransforms
 
 pytest.importorskip('urdf_parser_py')
 

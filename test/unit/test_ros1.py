@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from dummy_arm.tf import bag, Transform, TransformBuffer
+from puretf import bag, Transform, TransformBuffer
 
 bags = pytest.importorskip('bags')
 S = 10**9

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from transforms3d import euler
 
-from dummy_arm.tf import Transform
-from dummy_arm.tf.rotations import (
+from puretf import Transform
+from puretf.rotations import (
     euler_from_quaternion,
     quaternion_about_axis,
     quaternion_conjugate,

@@ -12,12 +12,12 @@ from environment import ROOT
 import pytest
 from viewer import CAMERA, CLICK, update, Viewer, viser
 
-from dummy_arm.cli.parser import CommandError
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.view.feed import BagFeed
-from dummy_arm.view.server import address_lines, serve, why_refused
-from dummy_arm.view.view import View
-from dummy_arm.view.viser_private import VISER
+from puretf import TransformBuffer
+from puretf_tools.cli.parser import CommandError
+from puretf_tools.view.feed import BagFeed
+from puretf_tools.view.server import address_lines, serve, why_refused
+from puretf_tools.view.view import View
+from puretf_tools.view.viser_private import VISER
 
 Headers, ConnectionClosed = (
     pytest.importorskip('websockets').Headers,

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from dummy_arm.inspection import terminal
+from puretf_tools.inspection import terminal
 
 COMBINED = 'e\u0301'  # it occupies one column
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from dummy_arm.tf import ConnectivityException, TransformBuffer
-from dummy_arm.tf._core.texts import difference, is_slip, near_names, shortened
+from puretf import ConnectivityException, TransformBuffer
+from puretf._core.texts import difference, is_slip, near_names, shortened
 
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 #: Two names of one frame, and by what they differ.

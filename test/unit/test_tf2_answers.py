@@ -7,7 +7,7 @@ from environment import DATA
 import numpy as np
 import pytest
 
-from dummy_arm.tf import exceptions, TransformBuffer
+from puretf import exceptions, TransformBuffer
 
 CASES = json.loads((DATA / 'tf2_answers.json').read_text())
 

@@ -4,9 +4,9 @@ from math import pi, radians
 
 import pytest
 
-from dummy_arm.tf import Transform
-from dummy_arm.tf.rotations import quaternion_from_euler
-from dummy_arm.tools.tf2_echo import format_transform, main
+from puretf import Transform
+from puretf.rotations import quaternion_from_euler
+from puretf_tools.commands.tf2_echo import format_transform, main
 
 S = 10**9
 

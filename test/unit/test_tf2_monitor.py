@@ -5,9 +5,9 @@ from typing import Any, Optional
 
 import pytest
 
-from dummy_arm.inspection.traffic import NodeTraffic, Summary
-from dummy_arm.tf.exceptions import LookupException
-from dummy_arm.tools.tf2_monitor import Chain, format_traffic, main
+from puretf.exceptions import LookupException
+from puretf_tools.commands.tf2_monitor import Chain, format_traffic, main
+from puretf_tools.inspection.traffic import NodeTraffic, Summary
 
 S = 10**9
 NONE = 'Net delay     none: all transforms are static, or the time is not known'

@@ -8,9 +8,9 @@ from messages import recorded
 import numpy as np
 import pytest
 
-from dummy_arm.doctor.tf_statistics import Statistics
-from dummy_arm.tf._wire import cdr
-from dummy_arm.tf.transform_table import transform_tables, TransformTable
+from puretf._wire import cdr
+from puretf.transform_table import transform_tables, TransformTable
+from puretf_tools.doctor.tf_statistics import Statistics
 
 bags = pytest.importorskip('bags')
 S = bags.S

@@ -19,9 +19,9 @@ import numpy as np
 from processes import tool_without_ros
 import pytest
 
-from dummy_arm.tf import bag as tf_bag
-from dummy_arm.tf.rotations import euler_from_quaternion, quaternion_from_euler
-from dummy_arm.tools import tf_trajectory
+from puretf import bag as tf_bag
+from puretf.rotations import euler_from_quaternion, quaternion_from_euler
+from puretf_tools.commands import tf_trajectory
 
 S = 10**9
 MS = 10**6

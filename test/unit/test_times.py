@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int
+from puretf._core.times import display_time, nanoseconds, nanoseconds_or_int
 
 
 @pytest.mark.parametrize('time', [

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from dummy_arm.inspection import traffic as module
-from dummy_arm.inspection.traffic import Delays, NodeTraffic, summarize, Summary, Traffic
+from puretf_tools.inspection import traffic as module
+from puretf_tools.inspection.traffic import Delays, NodeTraffic, summarize, Summary, Traffic
 
 S, MS = 10**9, 10**6
 NOW = 1_700_000_000 * S

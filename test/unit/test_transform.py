@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dummy_arm.tf import Transform
+from puretf import Transform
 
 HALF = math.sqrt(0.5)
 A_FROM_B = Transform(3, 'a', 'b', (1.0, 0.0, 0.0), (0.0, 0.0, HALF, HALF))  # a quarter about z

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 import yaml
 
-from dummy_arm.tf import (
+from puretf import (
     ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,
@@ -30,7 +30,7 @@ from dummy_arm.tf import (
     TransformBuffer,
     TransformException,
 )
-from dummy_arm.tf._core.engine import engine_of
+from puretf._core.engine import engine_of
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -306,7 +306,7 @@ def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
 def test_warnings_are_logged_once_per_cause_and_frame(logs, monkeypatch):
     """A warning of the same cause is logged for another frame after a second at the earliest."""
     now = 100.0
-    monkeypatch.setattr('dummy_arm.tf._core.texts.monotonic', lambda: now)
+    monkeypatch.setattr('puretf._core.texts.monotonic', lambda: now)
     buffer = TransformBuffer()
     put(buffer, 'a', 'b', T)
     put(buffer, 'a', 'c', T)
@@ -584,7 +584,7 @@ def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch, 
     buffer = TransformBuffer()
     put(buffer, 'a', 'b', T)
     put(buffer, 'a', 'b', T + S)
-    monkeypatch.setattr(f'dummy_arm.tf._core.history.{function}', lambda *_: 1 / 0)
+    monkeypatch.setattr(f'puretf._core.history.{function}', lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as kept:
         buffer.lookup_transforms('a', 'b', [T, T + 1])
     assert put(buffer, 'a', 'b', T + 2 * S)
@@ -731,7 +731,7 @@ def test_a_signal_handler_does_not_wait(monkeypatch):
         errors.append(error)
 
     # A lookup that waits looks at the clock.
-    monkeypatch.setattr('dummy_arm.tf._core.waiting.monotonic', lambda: pytest.fail('it waits'))
+    monkeypatch.setattr('puretf._core.waiting.monotonic', lambda: pytest.fail('it waits'))
     before = signal.signal(signal.SIGALRM, handle)
     try:
         with buffer.updated():

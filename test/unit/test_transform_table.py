@@ -9,9 +9,9 @@ from messages import recorded
 import numpy as np
 import pytest
 
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf.transform_table import transform_tables
+from puretf._core.pose import Row
+from puretf._wire import cdr, ros1
+from puretf.transform_table import transform_tables
 
 S = 10**9
 NAMES = ['a', 'b', '/a', 'long_name', 'é', 'a\0b', '\udc80', '']

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from transforms3d import quaternions
 
-from dummy_arm.tf import ExtrapolationException, TransformBuffer, TransformException
-from dummy_arm.tf._core.engine import engine_of
+from puretf import ExtrapolationException, TransformBuffer, TransformException
+from puretf._core.engine import engine_of
 
 S = 1_000_000_000
 START = 1_700_000_000 * S

@@ -7,14 +7,14 @@ from pages import PAGES
 import pytest
 from recorded import observed, S, T, tf
 
-from dummy_arm.doctor import examine
-from dummy_arm.doctor.checks import CHECKS, SECTIONS
-from dummy_arm.inspection.feeds import OtherTopic, Sender
-from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.hints import Blocked, Publisher, Surroundings
-from dummy_arm.tf.formatting import SECTION_NAMES
-from dummy_arm.tools.tf_doctor import main
+from puretf import TransformBuffer, TransformException
+from puretf._core.engine import engine_of
+from puretf._core.hints import Blocked, Publisher, Surroundings
+from puretf.formatting import SECTION_NAMES
+from puretf_tools.commands.tf_doctor import main
+from puretf_tools.doctor import examine
+from puretf_tools.doctor.checks import CHECKS, SECTIONS
+from puretf_tools.inspection.feeds import OtherTopic, Sender
 
 PAGE = (ROOT / 'docs' / 'troubleshooting.md').read_text()
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0

@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 import pytest
 
-from dummy_arm.tf import ExtrapolationException, LookupException, rotations, TransformBuffer
+from puretf import ExtrapolationException, LookupException, rotations, TransformBuffer
 
 S, MS = 10**9, 10**6
 

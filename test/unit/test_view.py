@@ -7,13 +7,13 @@ from typing import Optional
 import numpy as np
 import pytest
 
-from dummy_arm.tf import TransformBuffer
-from dummy_arm.view import feed as feed_module
-from dummy_arm.view.feed import BagFeed, Player, Publication
-from dummy_arm.view.hand_publisher import HandPublisher
-from dummy_arm.view.joint_control import JointControls
-from dummy_arm.view.placement import FrameWatcher
-from dummy_arm.view.rods import Display, fading, rods
+from puretf import TransformBuffer
+from puretf_tools.view import feed as feed_module
+from puretf_tools.view.feed import BagFeed, Player, Publication
+from puretf_tools.view.hand_publisher import HandPublisher
+from puretf_tools.view.joint_control import JointControls
+from puretf_tools.view.placement import FrameWatcher
+from puretf_tools.view.rods import Display, fading, rods
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -145,7 +145,7 @@ def test_frames_stay_if_nothing_is_updated(clock):
 
 def test_at_most_2000_frames():
     """Those of the fixed frame's tree that came first are shown, each with its ancestors."""
-    from dummy_arm.view.details import overview
+    from puretf_tools.view.details import overview
     buffer = TransformBuffer()
     arm(buffer, T, 'world', 'tree')
     arm(buffer, T, 'map', 'base', 'arm', 'hand')
@@ -290,7 +290,7 @@ def test_fading_as_in_rviz():
 def test_a_trail():
     """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
     pytest.importorskip('viser')
-    from dummy_arm.view.view import Trail
+    from puretf_tools.view.view import Trail
     buffer = TransformBuffer(60 * S)
     often, seldom = Trail(buffer), Trail(buffer)
     for i in range(3001):
@@ -368,7 +368,7 @@ class StubFeed:
 
 def test_texts():
     """Names cannot inject HTML, and problems are reported."""
-    from dummy_arm.view.details import details, overview
+    from puretf_tools.view.details import details, overview
     buffer = TransformBuffer()
     feed = StubFeed(buffer, Publication(50.04, 0.00123, '/<i>'))
     assert 'no frames yet. because' in overview(FrameWatcher(buffer).placement(), feed)
@@ -404,7 +404,7 @@ def test_texts():
 
 def test_texts_of_what_is_far():
     """The panel lists frames that are far, with their real numbers, until they vanish."""
-    from dummy_arm.view.details import details, overview
+    from puretf_tools.view.details import details, overview
     buffer = TransformBuffer()
     feed = StubFeed(buffer, Publication(None, None, ''))
     buffer.insert(T, 'map', 'near', pose(1.0))

@@ -7,12 +7,12 @@ import sys
 from environment import on_unix
 import pytest
 
-from dummy_arm.cli.parser import CommandError, UsageError
-from dummy_arm.inspection.forest import Forest
-from dummy_arm.inspection.graph import as_dot
-from dummy_arm.tf import Frame
-from dummy_arm.tools import tf2_echo, view_frames
-from dummy_arm.tools.view_frames import main
+from puretf import Frame
+from puretf_tools.cli.parser import CommandError, UsageError
+from puretf_tools.commands import tf2_echo, view_frames
+from puretf_tools.commands.view_frames import main
+from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.graph import as_dot
 
 S = 10**9
 
@@ -365,7 +365,7 @@ def test_without_a_reader_of_bags(failed, make_bag, monkeypatch, module, kind, p
     """The error is one line with the remedy."""
     bag = make_bag(kind, pytest.importorskip('bags').walk())
     for name in [*sys.modules]:
-        if name.startswith((f'{module}.', 'dummy_arm.tf._bag.')):
+        if name.startswith((f'{module}.', 'puretf._bag.')):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
     code, line = failed(main, '--text', '--bag', bag, *partial)

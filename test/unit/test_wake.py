@@ -6,11 +6,11 @@ from threading import Timer
 
 import pytest
 
-from dummy_arm.tf._core.wake import Wake
+from puretf._core.wake import Wake
 
 SIGNALS = """
 import signal
-from dummy_arm.tf._core.wake import Wake
+from puretf._core.wake import Wake
 
 signal.signal(signal.SIGALRM, lambda *_: None)
 signal.setitimer(signal.ITIMER_REAL, 0.0005, 0.0005)

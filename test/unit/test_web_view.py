@@ -8,7 +8,7 @@ import sys
 from processes import tool_without
 import pytest
 
-from dummy_arm.tools.web_view import main
+from puretf_tools.commands.web_view import main
 
 
 @pytest.fixture

@@ -19,8 +19,8 @@ class Metaclass_TFMessage(type):  # noqa: N801
     @classmethod
     def __import_type_support__(cls):
         """Load the type support; rclpy calls this on demand."""
-        from dummy_arm.tf._ros.rclpy_private import _exchange_bytes
-        from dummy_arm.tf._tf2_msgs import type_support
+        from puretf._ros.rclpy_private import _exchange_bytes
+        from puretf._tf2_msgs import type_support
         if cls._TYPE_SUPPORT is None:
             _exchange_bytes(TFMessage, _serialize)
         cls._CREATE_ROS_MESSAGE = type_support.CREATE_ROS_MESSAGE
@@ -74,8 +74,8 @@ def _serialize(transforms):
     """Serialize transforms, whose fields compiled code converts without a check."""
     from rclpy.serialization import deserialize_message, serialize_message
 
-    from dummy_arm.tf._ros.transform_stamped import fields_of
-    from dummy_arm.tf._wire import cdr
+    from puretf._ros.transform_stamped import fields_of
+    from puretf._wire import cdr
     return cdr.pack_fields(
         fields_of(deserialize_message(serialize_message(transform), TransformStamped))
         for transform in transforms)

@@ -1,0 +1,273 @@
+"""The command `check_arm`: judge the arm of the lab's final task, and its drawing frames.pdf."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+import csv
+import os
+from pathlib import Path
+import re
+import sys
+from typing import Optional
+
+from dummy_arm.grading import grade
+from dummy_arm.grading.drawing import fault_of_drawing
+from dummy_arm.grading.observer import MOST, Observer, START
+from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RUN, OK, Report
+from dummy_arm.grading.requirements import check
+from dummy_arm.grading.supervisor import DOMAINS
+from puretf.bag import messages
+from puretf.formatting import visible
+from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
+from puretf_tools.cli.files import whole_file
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import wait
+from puretf_tools.inspection.terminal import padded, wrapped
+
+#: The default and the largest time to observe an arm (s). The default is more than a period of the
+#: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
+DEFAULT_TIME, _LONGEST = 25.0, 3600.0
+#: Spreadsheets take a cell that begins with one of these characters for a formula.
+_FORMULA = r'=+\-@\t\r'
+
+
+# Hand-ins
+
+
+def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
+               feedback: Optional[str], resume: bool) -> int:
+    """Grade programs; print a line for each, in the order of `files`. Return the exit code."""
+    names = [visible(file) for file in files]
+    rows = _read_table(table) if table and resume else {}  # also those of other hand-ins
+    for name in names:
+        rows.setdefault(name, [name, NOT_RUN, ''])
+    to_run = [file for file, name in zip(files, names) if rows[name][1] == NOT_RUN]
+    lines = {name: ': '.join(filter(None, row[:3])) for name, row in rows.items()}
+    printed = 0
+
+    def print_lines(is_end: bool) -> None:
+        """Print the lines up to the first hand-in that is running or waits, or all."""
+        nonlocal printed
+        while printed < len(names) and (is_end or rows[names[printed]][1] != NOT_RUN):
+            print(lines[names[printed]])
+            printed += 1
+
+    if table:
+        _write_table(table, rows.values())
+    print_lines(False)
+    grades = grade(to_run, seconds, jobs)
+    try:
+        for result in grades:
+            name = visible(result.file)
+            rows[name], lines[name] = _row(result), result.line
+            if feedback:
+                try:
+                    _write_feedback(Path(feedback), files, result)
+                except CommandError as error:  # the table is the record
+                    print(f'check_arm: warning: {visible(str(error))}', file=sys.stderr)
+            if table:
+                _write_table(table, rows.values())
+            print_lines(False)
+    except KeyboardInterrupt:
+        print_lines(True)
+        count = sum(rows[name][1] == NOT_RUN for name in names)
+        how = '; the same command with --resume goes on' if table else ''
+        raise CommandError(f'interrupted: {count} of {len(names)} were not run{how}') from None
+    finally:
+        grades.close()
+    return 0 if all(rows[name][1] == OK for name in names) else 1
+
+
+def _row(grade: Grade) -> list[str]:
+    return [visible(grade.file), grade.verdict, grade.reason, *(
+        (line.verdict for line in (*grade.report.lines, *grade.report.advice))
+        if grade.report else ())]
+
+
+def _head() -> list[str]:
+    nothing = check([])
+    return ['file', 'verdict', 'reason', *(
+        line.requirement for line in (*nothing.lines, *nothing.advice))]
+
+
+def _write_table(path: str, rows: Iterable[list[str]]) -> None:
+    head = _head()
+    table = [[*row, *[''] * (len(head) - len(row))] for row in (head, *rows)]
+    # Without a byte-order mark, spreadsheets assume the encoding of the country.
+    with whole_file(Path(path)) as part, part.open('w', newline='', encoding='utf-8-sig') as file:
+        csv.writer(file, quoting=csv.QUOTE_ALL).writerows(  # some separate cells by semicolons
+            [re.sub(f'^(?=[{_FORMULA}])', "'", cell) for cell in row] for row in table)
+
+
+def _read_table(path: str) -> dict[str, list[str]]:
+    """Return the rows of a table that this command has written, by the name of the file."""
+    try:
+        with open(path, newline='', encoding='utf-8-sig') as file:
+            head, *rows = csv.reader(file)
+    except OSError as error:
+        raise CommandError(f'cannot read {path}: {error.strerror}') from None
+    except (ValueError, csv.Error):
+        head = []
+    if head != _head():
+        raise CommandError(f'{path} is not a table of this version of check_arm: leave out '
+                           '--resume')
+    table = [[re.sub(f"^'(?=[{_FORMULA}])", '', cell) for cell in row] for row in rows]
+    return {row[0]: row for row in table if len(row) > 2}
+
+
+def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> None:
+    """Write the whole report of a hand-in; its path in the directory is that of the hand-in."""
+    folder = os.path.commonpath([os.path.dirname(os.path.abspath(file)) for file in files])
+    path = directory / f'{os.path.relpath(result.file, folder)}.txt'
+    lines = [result.line]
+    if result.report:
+        lines += ['', *format_report(result.report)]
+    if result.drawing:
+        lines += ['', f'frames.pdf: {result.drawing}']
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CommandError(f'cannot write {path}: {error.strerror}') from None
+    with whole_file(path) as part:
+        part.write_text('\n'.join([*lines, '']), encoding='utf-8', errors='backslashreplace')
+
+
+# The arm that is running, and a bag
+
+
+def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> Report:
+    from puretf_tools.cli.node import spinning_node
+    with spinning_node('check_arm', ros_args, namespace) as node:
+        observer = Observer(node)
+        try:
+            if wait(START, 'waiting for an arm', observer.poll):
+                wait(seconds, 'observing the arm', lambda: observer.poll() and False)
+            elif not observer.messages:
+                raise CommandError(f'no transform was received within {START:g} s. '
+                                   f'{observer.listener.why_no_frames()}')
+            if hint := observer.listener.wrong_type_hint():
+                print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
+            return observer.report()
+        except KeyboardInterrupt:
+            raise CommandError('interrupted: nothing was judged') from None
+
+
+def _check_bag(bag: Sequence[str], namespace: str, partial: bool) -> Report:
+    found: list[Message] = []
+    count = 0
+    try:
+        with bag_progress(bag) as on_progress:
+            for message in messages(bag, namespace=namespace, partial=partial,
+                                    on_progress=on_progress):
+                with suppress(ValueError):
+                    rows = message.rows()
+                    found.append(Message(message.time, message.is_static, message.publisher, rows))
+                    count += len(rows)
+                if count > MOST:
+                    raise CommandError(f'{bag[0]} has more than {MOST} transforms: record an arm '
+                                       'for a minute only')
+    except KeyboardInterrupt:
+        raise CommandError('interrupted: nothing was judged') from None
+    # The files of a bag, and those that are cut off, may be in another order.
+    return check(sorted(found, key=lambda message: message.time))
+
+
+def format_report(report: Report) -> list[str]:
+    """Return the lines of the table of a report, with the verdict first."""
+    rows = [*report.lines, *report.advice]
+    widths = [max(len(row[i]) for row in rows) for i in (2, 0)]
+    lines: list[str] = []
+    for i, row in enumerate(rows):
+        if i == len(report.lines):
+            lines += ['', 'good practice (it does not change the result):']
+        is_judged = row.verdict != NOT_JUDGED
+        lines.append(f'{padded(row.verdict, widths[0])}  {padded(row.requirement, widths[1])}  '
+                     f'{row.measured if is_judged else row.text}'.rstrip())
+        if row.text and is_judged:
+            lines += wrapped(row.text, '    ')
+    counts = {verdict: sum(row.verdict == verdict for row in report.lines)
+              for verdict in (OK, NOT_OK, NOT_JUDGED)}
+    counted = ', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)
+    return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}']
+
+
+def command(files: Sequence[str] = (), seconds: Optional[float] = None,
+            bag: Optional[Sequence[str]] = None,
+            namespace: str = '', partial: bool = False, frames: Sequence[str] = (),
+            table: Optional[str] = None, resume: bool = False, feedback: Optional[str] = None,
+            jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
+    """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
+    duration = DEFAULT_TIME if seconds is None else seconds
+    check_bag_options(bag, partial)
+    for is_wrong, text in (
+            (sum((bool(files), bag is not None, bool(frames))) > 1,
+             'give files of programs, or --bag, or --frames, or none of them to check the arm '
+             'that is running'),
+            (seconds is not None and (bag is not None or frames),
+             '--time is for an arm that is running: leave it out with --bag and --frames'),
+            (namespace and (files or frames),
+             '--namespace is for --bag and for the arm that is running'),
+            (files and '--ros-args' in ros_args, '--ros-args is for the arm that is running'),
+            (not files and (table is not None or feedback is not None or jobs is not None),
+             '--csv, --feedback and --jobs need the files of programs'),
+            (resume and table is None, '--resume needs --csv'),
+            (table is not None and (table in files or not table.endswith('.csv')),
+             f'--csv needs the name of a file that ends in .csv, got {table!r}'),
+            (not 1.0 <= duration <= _LONGEST,
+             f'--time must be at least 1 s, and at most {_LONGEST:g} s, got {duration:g}'),
+            (jobs is not None and not 1 <= jobs <= len(DOMAINS),
+             f'--jobs must be at least 1, and at most {len(DOMAINS)}, got {jobs}')):
+        if is_wrong:
+            raise UsageError(text)
+    if twice := [name for name, count in Counter(map(visible, files)).items() if count > 1]:
+        raise UsageError(f'{twice[0]} is given twice')
+    if frames:
+        return _check_drawings(frames)
+    if files:
+        jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
+        return _grade_all(files, duration, jobs, table, feedback, resume)
+    report = (_check_running(duration, namespace, ros_args) if bag is None
+              else _check_bag(bag, namespace, partial))
+    print('\n'.join(format_report(report)))
+    return 0 if report.passed else 1
+
+
+def _check_drawings(paths: Sequence[str]) -> int:
+    """Print a line for each drawing; return the exit code."""
+    for path in paths:
+        if Path(path).suffix.lower() not in ('.pdf', '.gv'):
+            raise UsageError(f'{path!r} must end in .pdf or .gv')
+    faults = {path: fault_of_drawing(Path(path)) for path in paths}
+    for path, fault in faults.items():
+        print(Grade(path, None, fault, NOT_OK if fault else OK).line)
+    return 1 if any(faults.values()) else 0
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`. Return the exit code."""
+    parser = Parser(
+        'check_arm', 'Check whether an arm meets the requirements of the final task of the lab. '
+        'Without arguments, the arm that is running is observed. With files, each file is run as '
+        'a program, with your own rights: run only programs that you trust, or use a container.',
+        'exit code: 0: all requirements are met; 1: not all; 2: wrong arguments\n'
+        'examples: check_arm\n          check_arm dummy_arm.py\n'
+        '          check_arm --csv grades.csv handed_in/*\n'
+        '          check_arm --bag arm_bag\n          check_arm --frames frames.pdf')
+    parser.add_argument('files', nargs='*', metavar='FILE',
+                        help='a program to run and to check, or a folder with a dummy_arm.py')
+    parser.add_argument('--time', type=number, dest='seconds', metavar='SECONDS',
+                        help='how long to observe each arm (s; default: '
+                             f'{DEFAULT_TIME:g}, more than a period of the slowest joint)')
+    parser.add_argument('--frames', nargs='+', default=(), metavar='FILE',
+                        help='check drawings of view_frames, .pdf or .gv')
+    parser.add_argument('--csv', dest='table', metavar='OUT',
+                        help='write a table with a row for each program')
+    parser.add_argument('--resume', action='store_true',
+                        help='run only the programs that are "not run" in the table')
+    parser.add_argument('--feedback', metavar='DIR',
+                        help='write the report of each program, and of the frames.pdf beside it')
+    parser.add_argument('--jobs', type=int, metavar='N',
+                        help='how many programs run at the same time (default: the number of '
+                             'cores)')
+    add_bag_options(parser)
+    return run(parser, command, args, interrupted=1)

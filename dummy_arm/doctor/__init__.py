@@ -1,6 +1,0 @@
-"""Find faults in transforms, as the command `tf_doctor` does, and say what to do."""
-
-from dummy_arm.doctor.checks import ERROR, Finding, INFO, WARNING
-from dummy_arm.doctor.report import examine, examine_bag, Report
-
-__all__ = ['ERROR', 'INFO', 'WARNING', 'Finding', 'Report', 'examine', 'examine_bag']

@@ -1,0 +1,101 @@
+"""
+TF of ROS 2 in pure Python, with the names of tf2_ros.
+
+Each name is imported on its first use. So the names that do not need rclpy can be used even if
+rclpy is not installed.
+"""
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from puretf._core.frames import Frame as Frame
+    from puretf._core.frames import is_too_long as is_too_long
+    from puretf._ros.messages import TFMessage as TFMessage
+    from puretf.buffer import Buffer as Buffer
+    from puretf.buffer_core import BufferCore as BufferCore
+    from puretf.buffer_core import MessageBufferCore as MessageBufferCore
+    from puretf.buffer_interface import BufferInterface as BufferInterface
+    from puretf.buffer_interface import convert as convert
+    from puretf.buffer_interface import ConvertRegistration as ConvertRegistration
+    from puretf.buffer_interface import MsgStamped as MsgStamped
+    from puretf.buffer_interface import NotImplementedException as NotImplementedException
+    from puretf.buffer_interface import PyKDLType as PyKDLType
+    from puretf.buffer_interface import Stamped as Stamped
+    from puretf.buffer_interface import TransformableObject as TransformableObject
+    from puretf.buffer_interface import TransformableObjectType as TransformableObjectType
+    from puretf.buffer_interface import TransformRegistration as TransformRegistration
+    from puretf.buffer_interface import TypeException as TypeException
+    from puretf.exceptions import ConnectivityException as ConnectivityException
+    from puretf.exceptions import ExtrapolationException as ExtrapolationException
+    from puretf.exceptions import InvalidArgumentException as InvalidArgumentException
+    from puretf.exceptions import LookupException as LookupException
+    from puretf.exceptions import TimeoutException as TimeoutException
+    from puretf.exceptions import TransformException as TransformException
+    from puretf.message_filter import FilterFailureReason as FilterFailureReason
+    from puretf.message_filter import MessageFilter as MessageFilter
+    from puretf.static_transform_broadcaster import (
+        StaticTransformBroadcaster as StaticTransformBroadcaster,
+    )
+    from puretf.transform import Transform as Transform
+    from puretf.transform import Twist as Twist
+    from puretf.transform_broadcaster import PreparedTransforms as PreparedTransforms
+    from puretf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
+    from puretf.transform_buffer import TransformBuffer as TransformBuffer
+    from puretf.transform_listener import (
+        StaticTransformListener as StaticTransformListener,
+    )
+    from puretf.transform_listener import TransformListener as TransformListener
+
+_MODULES = {
+    'Buffer': 'buffer',
+    'BufferCore': 'buffer_core',
+    'BufferInterface': 'buffer_interface',
+    'ConnectivityException': 'exceptions',
+    'convert': 'buffer_interface',
+    'ConvertRegistration': 'buffer_interface',
+    'ExtrapolationException': 'exceptions',
+    'FilterFailureReason': 'message_filter',
+    'Frame': '_core.frames',
+    'InvalidArgumentException': 'exceptions',
+    'is_too_long': '_core.frames',
+    'LookupException': 'exceptions',
+    'MessageBufferCore': 'buffer_core',
+    'MessageFilter': 'message_filter',
+    'MsgStamped': 'buffer_interface',
+    'NotImplementedException': 'buffer_interface',
+    'PreparedTransforms': 'transform_broadcaster',
+    'PyKDLType': 'buffer_interface',
+    'Stamped': 'buffer_interface',
+    'StaticTransformBroadcaster': 'static_transform_broadcaster',
+    'StaticTransformListener': 'transform_listener',
+    'TFMessage': '_ros.messages',
+    'TimeoutException': 'exceptions',
+    'Transform': 'transform',
+    'TransformableObject': 'buffer_interface',
+    'TransformableObjectType': 'buffer_interface',
+    'TransformBroadcaster': 'transform_broadcaster',
+    'TransformBuffer': 'transform_buffer',
+    'TransformException': 'exceptions',
+    'TransformListener': 'transform_listener',
+    'TransformRegistration': 'buffer_interface',
+    'Twist': 'transform',
+    'TypeException': 'buffer_interface',
+}
+_PUBLIC_MODULES = {module for module in _MODULES.values() if not module.startswith('_')}
+
+__all__ = [*_MODULES]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name, or a public module of this package, on its first use."""
+    if name in _MODULES:
+        return getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)
+    if name in _PUBLIC_MODULES:
+        return import_module(f'{__name__}.{name}')
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    """Return all names, including those that are not imported yet."""
+    return sorted({*globals(), *_MODULES, *_PUBLIC_MODULES})

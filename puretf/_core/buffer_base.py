@@ -1,0 +1,252 @@
+"""The base class of all buffers, with the methods that they share."""
+
+from collections.abc import Container, Iterable
+from contextlib import AbstractContextManager
+from typing import Any, Optional
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from puretf._core import frames
+from puretf._core.engine import Engine
+from puretf._core.frames import Frame
+from puretf._core.pose import Pose
+from puretf._core.times import nanoseconds_or_int
+from puretf._core.velocity import twist
+from puretf._core.waiting import why_not
+from puretf.exceptions import described, tf2_words, TransformException
+from puretf.transform import Transform, Twist
+
+#: The largest number of poses that `lookup_transforms` computes before it releases the lock.
+_CHUNK = 2048
+
+
+class BufferBase:
+    """
+    The methods that all buffers share.
+
+    Frame ids have no leading slash. An edge connects a frame with its parent; a path is the edges
+    between two frames. In a lookup, time 0 means the latest time for which every edge on the path
+    has data. All methods may be called in any thread.
+
+    A lookup that fails raises a subclass of TransformException:
+
+    - LookupException: a frame does not exist, its ancestors form a loop, or it has more than 1000
+      ancestors.
+    - InvalidArgumentException: a frame id is empty or has a leading slash.
+    - ConnectivityException: the frames are in different trees.
+    - ExtrapolationException: an edge on the path has no data for the requested time.
+
+    If the target frame and the source frame are the same, `lookup_transform` returns the identity,
+    even if the frame does not exist.
+    """
+
+    def __init__(self, cache_time: Any, max_frames: int, max_samples: Optional[int]) -> None:
+        self._engine = Engine(cache_time, max_frames, max_samples)
+
+    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose,
+               authority: str = 'default_authority', is_static: bool = False) -> bool:
+        """
+        Insert the pose of a frame in its parent, without an object for the transform.
+
+        One leading slash is removed from each name, and the rotation is normalised.
+
+        :param stamp: time of the pose (ns).
+        :param frame_id: the parent.
+        :param child_frame_id: the frame.
+        :param pose: x, y, z (m) and the quaternion x, y, z, w.
+        :param authority: the publisher, which `frames` returns.
+        :param is_static: True if the pose holds at all times.
+        :returns: False if the transform was refused; the log says why.
+        :raises TypeError: if an argument has a wrong type.
+        :raises ValueError: if the pose does not have seven numbers.
+        :raises OverflowError: if the stamp does not fit in an int64.
+        """
+        return self._engine.insert(
+            stamp, frame_id, child_frame_id, pose, authority, is_static)
+
+    def clear(self) -> None:
+        """Remove all dynamic transforms; static ones and the names of all frames stay."""
+        self._engine.clear()
+
+    def updated(self) -> AbstractContextManager[Any]:
+        """
+        Insert the messages that have arrived, and return a context manager that holds the lock.
+
+        So all lookups in a block of `with buffer.updated():` see the same state of the buffer.
+        They do not wait, even if they have a timeout.
+        """
+        self._engine.update_for_user()
+        lock: AbstractContextManager[Any] = self._engine.lock
+        return lock
+
+    def why_not(self, target_frame: str, source_frame: str, time: int, has_hint: bool = True
+                ) -> str:
+        """
+        Return why there is no transform.
+
+        :param time: time of the transform (ns), or 0.
+        :param has_hint: False: return tf2's words only.
+        :returns: the text of the error; '' if there is a transform.
+        :raises TypeError: if a frame is not a str.
+        """
+        error = why_not(
+            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame, time)
+        return '' if error is None else str(error) if has_hint else tf2_words(error)
+
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
+                          ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """
+        Return the poses of the source frame in the target frame at many times.
+
+        More than 2048 times are looked up in parts; between two parts, new data may be inserted.
+
+        :param times: (n,) integers (ns); 0 as in other lookups.
+        :returns: three arrays: (n, 3) float64 translations x, y, z (m), (n, 4) float64 quaternions
+            x, y, z, w, and (n,) bool: True where there is a transform. Where it is False,
+            `lookup_transform` would raise a TransformException, and the numbers are NaN.
+        :raises TypeError: if the times are not integers, or if a frame is not a str.
+        :raises OverflowError: if a time is too large for an int64.
+        :raises ValueError: if the shape of `times` is not (n,).
+        """
+        times = _int64_times(times)
+        order = np.argsort(times, kind='stable')  # sorted times are found faster in a history
+        poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
+        for begin in range(0, len(times), _CHUNK):
+            part = order[begin:begin + _CHUNK]
+            poses[part], known[part] = self._engine.read(
+                self._engine.lookups.poses, target_frame, source_frame, times[part])
+        return poses[:, :3], poses[:, 3:], known
+
+    def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
+                     ) -> Twist:
+        """
+        Return the velocity of the source frame as seen in the target frame.
+
+        The result is the average over an interval around `time`. If the data end within this
+        interval, the interval of the same length that ends with the data is used instead. During
+        the interval, the source frame must turn by less than 180 degrees.
+
+        :param source_frame: the frame that moves. Its origin is the reference point of the linear
+            velocity.
+        :param time: the middle of the interval (ns, or a time of ROS); 0: the interval ends at the
+            latest time for which every edge on the path has data.
+        :param interval: the length of the interval (ns, or a duration of ROS).
+        :returns: the linear velocity of the origin of the source frame (m/s) and the angular
+            velocity of the source frame (rad/s), both in the axes of the target frame.
+        :raises TransformException: if there is no transform at the beginning or the end of the
+            interval.
+        :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
+        :raises ValueError: if the interval is not longer than 0.
+        """
+        return self._engine.read(
+            twist, self._engine.lookups, target_frame, source_frame, nanoseconds_or_int(time),
+            nanoseconds_or_int(interval, 'interval'))
+
+    def lookup_all(self, target_frames: Iterable[str], until: int = 0,
+                   children: Optional[Container[str]] = None) -> list[dict[str, Transform]]:
+        """
+        Return, for each target frame, the poses of all frames that are connected to it.
+
+        Each pose is valid at the latest time for which every edge on its path has data. If the
+        transforms on the paths have the same stamps, this is much faster than single lookups.
+
+        :param until: the latest time (ns) at which a pose may be valid. The paths follow the
+            parents that the frames had at this time. 0: there is no limit, and the paths follow
+            the newest parents.
+        :param children: the paths use only the transforms of these frames from their parents;
+            None: of all frames.
+        :returns: for each target frame, a dict from the name of each connected frame to its
+            transform. The nearest frames, counted in edges, come first. Frames without a transform
+            are left out.
+        :raises TransformException: if a target frame does not exist.
+        :raises TypeError: if `target_frames` is a str.
+        """
+        if isinstance(target_frames, str):
+            raise TypeError('target_frames must be names in a list or another iterable, got '
+                            f'{described(target_frames)}')
+        targets = list(target_frames)
+        return [{name: Transform(time, target, name, pose[:3], pose[3:])
+                 for name, (time, pose) in placed.items()}
+                for target, placed in zip(targets, self._engine.read(
+                    self._engine.lookups.all_poses, targets, until, children))]
+
+    def chain(self, target_frame: str, source_frame: str) -> list[str]:
+        """
+        Return the names of the frames on the path from the source frame to the target frame.
+
+        The path follows the parents that the frames had at the latest time for which every edge on
+        the path has data.
+
+        :raises TransformException: if there is no such path.
+        """
+        return self._engine.read(
+            self._engine.lookups.chain, target_frame, 0, source_frame, 0, source_frame)
+
+    def path_stamps(self, target_frame: str, source_frame: str) -> NDArray[np.int64]:
+        """
+        Return the stamps of the samples of all edges on the path between two frames.
+
+        If frames have changed their parents, the path at each time is the one that followed the
+        parents of this time. There need not be a transform at each of the stamps: an edge may have
+        data before another edge has any. Note that a lookup for time 0 returns the latest
+        transform, and not the one of a stamp 0.
+
+        :returns: (n,) int64: the stamps (ns), in increasing order, each of them once; empty if all
+            edges are static, or if both frames are the same.
+        :raises TransformException: if a frame does not exist, or if there is no path at any time.
+        :raises TypeError: if a frame is not a str.
+        """
+        return self._engine.read(self._engine.lookups.stamps, target_frame, source_frame)
+
+    def frame_names(self) -> list[str]:
+        """Return the names of all frames, roots included, in the order of their first use."""
+        return self._engine.read(list, self._engine.tree.histories)
+
+    def frames(self, until: int = 0) -> list[Frame]:
+        """
+        Return the parent, publisher and stamps of every frame that has a parent.
+
+        :param until: use only samples up to this time (ns); 0: use all samples.
+        :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
+        """
+        states = self._engine.read(self._engine.tree.states, until)
+        return [Frame(name, *state) for name, state in states]
+
+    def all_frames_as_yaml(self) -> str:
+        """Return all frames with a parent as YAML in tf2's format; '[]' if there is no frame."""
+        listed = self.frames()
+        return frames.as_yaml(listed) if self._engine.tree.histories else '[]'
+
+    def all_frames_as_string(self) -> str:
+        """Return one line of tf2's text for each frame that has had a parent."""
+        return frames.as_string(self._engine.read(self._engine.tree.newest_edges))
+
+    def dump(self) -> dict[str, dict[str, Any]]:
+        """
+        Return all data of the buffer, as lists and dicts that `json` can write.
+
+        :returns: a dict from the name of each frame to a dict with five keys. Three keys have a
+            list with one item for each sample, in the order of the stamps: an item of `parents` is
+            a name, an item of `stamps` is an int (ns), and an item of `poses` is a list of 7
+            float: x, y, z (m) and the quaternion x, y, z, w. `authority` is the publisher of the
+            sample that was inserted last, and `is_static` is a bool. A static frame has one
+            sample, with stamp 0. A frame that has occurred only as a parent has no samples.
+        """
+        return self._engine.read(self._engine.tree.dump)
+
+
+def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
+    """Return the debug tuple of can_transform: (True, ''), or False and the text of the error."""
+    return error is None, '' if error is None else str(error)
+
+
+def _int64_times(times: ArrayLike) -> NDArray[np.int64]:
+    times = np.asarray(times)
+    if times.ndim != 1:
+        raise ValueError(f'times must be of shape (n,), got {times.shape}')
+    if times.size and times.dtype.kind not in 'iu':
+        raise TypeError(f'times must be integers (ns), got {times.dtype}')
+    if times.size and times.max() > np.iinfo(np.int64).max:
+        raise OverflowError(f'times must be int64 (ns), got {times.max()}')
+    return times.astype(np.int64)

@@ -1,0 +1,309 @@
+"""
+The engine of a buffer: the lock, the sources, the data, and the threads that wait for data.
+
+docs/architecture.md shows the threads and the data flow. While a thread holds the lock, it
+must not run a user's callback, write to a log, join a thread or take another lock. A lookup by a
+thread that holds the lock already neither updates nor waits. Such lookups are those in a block of
+`with buffer.updated()`, and those of a signal handler that has interrupted another call.
+"""
+
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+import logging
+from operator import index
+import os
+from threading import RLock
+from typing import Any, Optional, Protocol, TypeVar
+from weakref import ref, WeakSet
+
+from puretf._core.hints import Blocked, Look, Surroundings
+from puretf._core.insertion import Insertion
+from puretf._core.lookup import Lookups
+from puretf._core.pose import BatchOrRows, Pose
+from puretf._core.times import nanoseconds_or_int
+from puretf._core.tree import FrameTree
+from puretf._core.wake import Wake
+from puretf.exceptions import described, TransformException
+
+_Result = TypeVar('_Result')
+
+_INT64 = 1 << 63
+
+
+class Source(Protocol):
+    """A source of transforms, such as the subscriptions of a listener."""
+
+    def take(self) -> list[BatchOrRows]:
+        """Return the transforms that have arrived; do not block. The caller holds the lock."""
+
+    def wake(self) -> None:
+        """Make the thread of the source, if there is one, call `Engine.update` now."""
+
+    def is_alive(self) -> bool:
+        """Return False if nothing more will arrive."""
+
+
+class Waiter(Protocol):
+    """An object that waits for transforms without blocking a thread."""
+
+    @property
+    def is_waiting(self) -> bool:
+        """True if a future or a message waits."""
+
+    def check(self) -> bool:
+        """
+        Complete the futures or messages whose transforms are available; the lock is not held.
+
+        Return True if the executor that spins the node of a listener must be woken.
+        """
+
+
+class Engine:
+    """The data of one buffer, and how threads share them."""
+
+    def __init__(self, cache_time: Any, max_frames: int, max_samples: Optional[int]) -> None:
+        cache_time = nanoseconds_or_int(cache_time, 'cache_time')
+        if cache_time < 0:
+            raise ValueError(f'cache_time must not be negative, got {cache_time} ns')
+        if max_samples is not None and max_samples < 1:
+            raise ValueError(f'max_samples must be at least 1, or None, got {max_samples}')
+        # A KeyboardInterrupt cannot leave this lock held: it is only taken by `with`, and its
+        # `__enter__` is written in C.
+        self.lock: Any = RLock()
+        self.tree = FrameTree(cache_time)
+        self.lookups = Lookups(self.tree)
+        self.insertion = Insertion(self.lookups, max_frames, max_samples)
+        #: Returns what hints may use; a listener assigns it.
+        self.look: Look = Surroundings
+        #: Returns the nodes that cannot call back while this thread waits; a listener assigns it.
+        self.find_blocked: Callable[[], Mapping[str, Blocked]] = dict
+        # An error that nobody has read does not keep the data alive.
+        self.tree.look = partial(_look, ref(self))
+        #: Returns False when blocked lookups should give up, as when ROS is shut down.
+        self.is_alive: Callable[[], bool] = lambda: True
+        self._sources: tuple[Source, ...] = ()
+        self._waiters: tuple[Waiter, ...] = ()
+        #: A number that grows when blocked lookups should try again.
+        self.generation = 0
+        #: What wakes the blocked lookups.
+        self.wakes: set[Wake] = set()
+        #: True during a change of the data, and after a change that was interrupted.
+        self._is_changing = False
+        _engines.add(self)
+
+    # Sources and insertion
+
+    def add_source(self, source: Source) -> None:
+        with self.lock:
+            self._sources += (source,)
+
+    def remove_source(self, source: Source) -> None:
+        """Update, then remove a source; blocked lookups give up when the last one is removed."""
+        try:
+            self.update()
+        finally:
+            with self.lock:
+                self._sources = tuple(each for each in self._sources if each is not source)
+                self._notify_lookups()
+
+    def is_held(self) -> bool:
+        """Return whether this thread holds the lock."""
+        return bool(self.lock._is_owned())
+
+    def update(self) -> int:
+        """
+        Insert the messages that the sources have received, unless this thread holds the lock.
+
+        Return the generation.
+        """
+        is_held = self.is_held()
+        with self.lock:
+            if not is_held:
+                if self._is_changing:
+                    self._mend()
+                for source in self._sources:
+                    if batches := source.take():
+                        self._insert(batches)
+            return self.generation
+
+    def update_for_user(self) -> int:
+        """Update in a user's thread; if waiters wait for the new data, a listener checks them."""
+        before = self.generation
+        after = self.update()
+        if after > before and any(waiter.is_waiting for waiter in self._waiters):
+            self.wake_sources()
+        return after
+
+    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
+               is_static: bool) -> bool:
+        """Insert a pose as `BufferBase.insert` does."""
+        if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
+            raise TypeError(f'a frame id must be a str, got {described(frame_id)} and '
+                            f'{described(child_frame_id)}')
+        if not isinstance(authority, str):
+            raise TypeError(f'an authority must be a str, got {described(authority)}')
+        stamp = index(stamp)
+        if not -_INT64 <= stamp < _INT64:
+            raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
+        x, y, z, qx, qy, qz, qw = array('d', pose)
+        pose = x, y, z, qx, qy, qz, qw
+        if self._sources or self._is_changing:
+            self.update()  # messages that arrived before this call are inserted first
+        with self.lock:
+            is_accepted = self._change(self.insertion.insert, stamp, frame_id, child_frame_id,
+                                       pose, authority, is_static)
+            if is_accepted:
+                self._notify_lookups()
+        self.after_insertion()
+        return is_accepted
+
+    def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
+        """Insert the transforms of messages, much faster than by one `insert` per transform."""
+        self.update()
+        with self.lock:
+            self._insert(batches)
+        self.after_insertion()
+
+    def _insert(self, batches: Iterable[BatchOrRows]) -> None:
+        self._change(self.insertion.insert_batches, batches)
+        self._notify_lookups()
+
+    def _change(self, change: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Call a function that changes the data; the lock is held."""
+        before, self._is_changing = self._is_changing, True
+        result = change(*arguments)
+        self._is_changing = before  # True if this call has interrupted another one
+        return result
+
+    def _notify_lookups(self) -> None:
+        self.generation += 1
+        for wake in tuple(self.wakes):
+            wake.set()
+
+    def after_insertion(self) -> bool:
+        """
+        Let the waiters check for available transforms, and log why transforms were refused.
+
+        Call this without the lock. Return True if the executor that spins the node of a listener
+        must be woken.
+        """
+        is_urgent, error = False, None
+        for waiter in self._waiters:
+            try:
+                is_urgent |= waiter.is_waiting and waiter.check()
+            except BaseException as raised:  # raised by a done callback of a future
+                error = raised
+        self.insertion.log.flush()
+        if error is not None:
+            raise error
+        return is_urgent
+
+    def clear(self) -> None:
+        self.update_for_user()  # so that messages that have arrived are removed, too
+        with self.lock:
+            self._change(self.insertion.clear)
+
+    def _mend(self) -> None:
+        """Drop the data that an interrupted change has left inconsistent; the lock is held."""
+        self.insertion.mend()
+        self._is_changing = False
+
+    # Lookups
+
+    def read(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Update, then call a function that reads the data."""
+        if self._sources:
+            self.update_for_user()
+        with self.lock:
+            if not self._is_changing:  # nearly always; spares the call of `read_now`
+                return lookup(*arguments)
+        return self.read_now(lookup, *arguments)
+
+    def read_now(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Call a function that reads the data; mend the data if a change was interrupted."""
+        is_held = self._is_changing and self.is_held()
+        with self.lock:
+            if self._is_changing:
+                if is_held:
+                    raise TransformException(
+                        'This lookup has interrupted an insertion, as in a signal handler; look '
+                        'up later')
+                self._mend()
+            return lookup(*arguments)
+
+    def liveness(self) -> tuple[bool, bool]:
+        """Return whether messages may arrive, and whether blocked lookups may go on."""
+        return any(source.is_alive() for source in self._sources), self.is_alive()
+
+    def availability(self, target: str, source: str, times: Sequence[int]
+                     ) -> tuple[list[bool], int]:
+        """
+        Return at which times (ns) there is a transform; much faster than one lookup for each.
+
+        The second value is a time (ns): a transform for an earlier time, other than 0, that is not
+        available now never will be. It is the latest common time minus the cache time.
+        """
+        available, latest = self.read(self.lookups.available, target, source, times)
+        return available, latest - self.tree.cache_time if latest else -_INT64
+
+    @property
+    def is_awaited(self) -> bool:
+        """True if a blocked lookup or a waiter waits for a transform."""
+        return bool(self.wakes) or any(waiter.is_waiting for waiter in self._waiters)
+
+    def add_waiter(self, waiter: Waiter) -> None:
+        with self.lock:
+            self._waiters += (waiter,)
+
+    def remove_waiter(self, waiter: Waiter) -> None:
+        with self.lock:
+            self._waiters = tuple(each for each in self._waiters if each is not waiter)
+
+    def wake_sources(self) -> None:
+        """Let the threads of the sources update now, and not pause."""
+        for source in self._sources:
+            source.wake()
+
+    def after_fork(self) -> None:
+        """Keep the data in the child of a fork, where only the forking thread exists."""
+        self.lock = RLock()  # another thread may have held the old one
+        self._sources, self._waiters, self.wakes = (), (), set()
+        self.is_alive = lambda: True
+        self.find_blocked = dict
+        self.look = Surroundings  # locks of the ROS graph may be held for good
+        self.insertion.log.write = logging.getLogger('puretf').warning
+        self.tree.release()
+        self._mend()  # another thread may have been inserting
+
+
+def _look(reference: 'ref[Engine]') -> Surroundings:
+    """Return the surroundings of a buffer; nothing is known while this thread holds its lock."""
+    engine = reference()
+    if engine is None or engine.is_held():
+        return Surroundings()
+    with suppress(Exception):  # the listener has ended, the node is destroyed, ROS shut down
+        return engine.look()
+    return Surroundings()
+
+
+#: All engines of this process.
+_engines: WeakSet[Engine] = WeakSet()
+
+
+def _after_fork() -> None:
+    for engine in _engines:
+        engine.after_fork()
+
+
+if hasattr(os, 'register_at_fork'):  # not on Windows
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def engine_of(buffer: Any) -> Engine:
+    """Return the engine of a buffer; raise a TypeError for anything else."""
+    engine = getattr(buffer, '_engine', None)
+    if not isinstance(engine, Engine):
+        raise TypeError(f'buffer must be a buffer of puretf, got {described(buffer)}')
+    return engine

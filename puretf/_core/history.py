@@ -1,0 +1,379 @@
+"""The history of one frame: samples of its pose in its parent, in the order of their stamps."""
+
+from array import array
+from bisect import bisect_left, bisect_right
+from operator import itemgetter
+import struct
+from typing import Any, Optional, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core.pose import Columns, Pose, POSE_BYTES
+from puretf._core.slerp import interpolate, interpolate_columns
+
+#: The largest number of samples with the same stamp. Lookups use only the first and the last of
+#: them.
+MAX_SAMPLES_PER_STAMP = 100
+_pack_pose = struct.Struct('7d').pack
+_read_pose = struct.Struct('7d').unpack_from
+_read_two_poses = struct.Struct('14d').unpack_from
+
+#: The state of a frame: its newest parent, the publisher of the sample that was inserted last,
+#: whether the frame is static, the number of samples, the newest stamp and the oldest stamp (ns).
+State = tuple[str, str, bool, int, int, int]
+
+
+class NoPose(LookupError):
+    """The history has no pose for the requested time."""
+
+
+class Neighbours:
+    """
+    Many times, and for each time the two neighbouring samples: the one before and the one after.
+
+    The neighbours are those in the history that was searched last. Frames that arrive together
+    have the same stamps, so the next history is searched only if its stamps differ.
+    """
+
+    __slots__ = ('indices', 'ratios', 'stamps', 'times')
+
+    def __init__(self, times: NDArray[np.int64]) -> None:
+        self.times = times
+        #: (2, n) the indices of the samples, counted from `History.start`.
+        self.indices: NDArray[np.intp] = np.zeros((2, len(times)), np.intp)
+        #: (2, n) the stamps of the samples (ns). If another history has these stamps at the same
+        #: indices, they are the neighbours there, too, unless two of its samples have the oldest
+        #: stamp. None: this does not hold, because a time has the same stamp on both sides.
+        self.stamps: Optional[NDArray[np.int64]] = None
+        #: (2, n) the weights of the samples in a linear interpolation.
+        self.ratios: NDArray[np.float64] = np.zeros((2, len(times)))
+
+    def set(self, indices: NDArray[np.intp], stamps: NDArray[np.int64]) -> None:
+        # The difference of two int64 may be too large for an int64, but not for a uint64.
+        span = (stamps[1] - stamps[0]).view(np.uint64)
+        self.indices, self.stamps = indices, stamps if span.all() else None
+        span[span == 0] = 1
+        ratio = (self.times - stamps[0]).view(np.uint64) / span
+        self.ratios = np.stack((1.0 - ratio, ratio))
+
+
+class History:
+    """
+    The samples of a dynamic frame.
+
+    A sample is *expired* if it is older than the newest sample by more than the cache time. Before
+    a new sample is inserted, the expired samples are dropped.
+
+    The stamp of sample i is `stamps[i]` (ns). Its pose is `poses[56 * i:56 * i + 56]`, the bytes
+    of 7 float64. The samples before the index `start` are dropped, but they stay in memory until
+    `drop_before` removes many of them at once. If `parents` is None, all samples have the parent
+    `only_parent`. Otherwise `only_parent` is '', and `parents[i]` is the parent of sample i. The
+    keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
+    parents that occurred only in samples that have been dropped.
+
+    `arrival` is the monotonic time (ns) at which the last transform arrived, also if it was not
+    inserted: `repeated` transforms were in the history already, and `refused` ones were too old.
+    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher, and
+    `refusal` its time of arrival.
+    """
+
+    __slots__ = ('all_parents', 'arrival', 'authority', 'cache_time', 'only_parent', 'parents',
+                 'poses', 'refusal', 'refused', 'refused_authority', 'refused_stamp', 'repeated',
+                 'stamps', 'start')
+
+    is_static = False
+
+    def __init__(self, cache_time: int) -> None:
+        self.cache_time = cache_time
+        self.stamps = array('q')
+        self.poses = bytearray()
+        self.start = 0
+        self.authority = ''
+        self.only_parent = ''
+        self.parents: Optional[list[str]] = None
+        self.all_parents: dict[str, None] = {}
+        self.arrival = self.repeated = self.refused = self.refused_stamp = self.refusal = 0
+        self.refused_authority = ''
+
+    def __len__(self) -> int:
+        return len(self.stamps) - self.start
+
+    @property
+    def latest(self) -> int:
+        """The newest stamp (ns); 0 if there are no samples."""
+        return self.stamps[-1] if self.stamps else 0
+
+    @property
+    def oldest(self) -> int:
+        """The oldest stamp (ns); 0 if there are no samples."""
+        return self.stamps[self.start] if self.stamps else 0
+
+    def state(self, until: int) -> Optional[State]:
+        stamps, start = self.stamps, self.start
+        newest = len(stamps) - 1
+        if newest < start:
+            return None
+        if until and until < stamps[newest]:
+            try:
+                newest = self.find(until)
+            except NoPose:
+                return None
+        return (self.parent_of(newest), self.authority, False, newest - start + 1,
+                stamps[newest], stamps[start])
+
+    def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
+        """
+        Append samples with the parent `only_parent`, if they are newer than the newest sample.
+
+        Return False if nothing was appended; then call `insert` for each sample.
+        """
+        own_stamps = self.stamps
+        if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
+            return False
+        self.authority = authority
+        # Drop the samples that would be dropped if `insert` were called for each new sample.
+        # `insert` drops the expired samples before it adds the new sample. So in the last call,
+        # `insert` would count the cache time back from the second last stamp.
+        earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
+        self.poses += poses
+        own_stamps.extend(stamps)
+        if own_stamps[self.start] < earliest:
+            self.drop_before(bisect_left(own_stamps, earliest, self.start))
+        return True
+
+    def insert(self, stamp: int, parent: str, pose: Pose, authority: str) -> bool:
+        """
+        Insert a sample in the order of the stamps, after the samples with the same stamp.
+
+        A sample that is in the history already is not inserted again. Of more than
+        `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the last is replaced. Return False if
+        the sample is older than the cache time allows.
+        """
+        stamps = self.stamps
+        position = len(stamps)
+        if position:
+            earliest = stamps[-1] - self.cache_time
+            if stamps[self.start] < earliest:
+                self.drop_before(bisect_left(stamps, earliest, self.start))
+            if stamp < earliest:
+                self.refused += 1
+                self.refused_stamp, self.refused_authority = stamp, authority
+                return False
+            position = bisect_right(stamps, stamp, self.start)
+            if position > self.start and stamps[position - 1] == stamp:
+                first = bisect_left(stamps, stamp, self.start)
+                if any(self.parent_of(i) == parent and self.pose(i) == pose
+                       for i in range(first, position)):
+                    self.authority = authority
+                    self.repeated += 1
+                    return True
+                if position - first >= MAX_SAMPLES_PER_STAMP:
+                    position -= 1
+                    self._delete(position)
+            if self.parents is None and parent != self.only_parent:
+                self.parents, self.only_parent = [self.only_parent] * len(stamps), ''
+        else:
+            self.only_parent, self.all_parents = parent, {}
+        self.authority = authority
+        self.all_parents[parent] = None
+        if self.parents is not None:
+            self.parents.insert(position, parent)
+        self.poses[position * POSE_BYTES:position * POSE_BYTES] = _pack_pose(*pose)
+        stamps.insert(position, stamp)
+        return True
+
+    def is_consistent(self) -> bool:
+        """Return False if a change of the samples was interrupted."""
+        count = len(self.stamps)
+        return len(self.poses) == count * POSE_BYTES and (
+            self.parents is None or len(self.parents) == count)
+
+    def release(self) -> None:
+        """After a fork, copy arrays whose memory numpy arrays still use: these cannot grow."""
+        for name in 'stamps', 'poses':
+            array = getattr(self, name)
+            try:
+                array.append(0)
+                array.pop()
+            except BufferError:
+                setattr(self, name, array[:])
+
+    def _delete(self, index: int) -> None:
+        if self.parents is not None:
+            del self.parents[index]
+        del self.poses[index * POSE_BYTES:(index + 1) * POSE_BYTES]
+        del self.stamps[index]
+
+    def drop_before(self, start: int) -> None:
+        self.start = start
+        if start <= 16 or start * 5 <= len(self.stamps):
+            return
+        # A bytearray does not reuse the memory of bytes that are deleted at its very beginning. So
+        # one dropped sample stays at the beginning, and the other dropped samples are deleted.
+        self.start = 1
+        del self.poses[POSE_BYTES:start * POSE_BYTES]
+        del self.stamps[1:start]
+        if self.parents is not None:
+            del self.parents[1:start]
+            self.parents[0] = self.parents[1]
+            self.all_parents = dict.fromkeys(self.parents)
+            if len(self.all_parents) == 1:
+                (self.only_parent,), self.parents = self.all_parents, None
+
+    def find(self, time: int) -> int:
+        """
+        Return the index of the last sample that is not newer than a time (ns; 0: the newest).
+
+        If several samples have the same stamp, the result is the one that was inserted last, as in
+        tf2. There is one exception, also as in tf2: if `time` is the oldest stamp, and there are
+        newer samples, the result is the sample with this stamp that was inserted first.
+        """
+        stamps, start = self.stamps, self.start
+        newest = len(stamps) - 1
+        if newest >= start:
+            if time in (0, stamps[newest]):
+                return newest
+            if time == stamps[start]:
+                return start
+            if stamps[start] < time < stamps[newest]:
+                return bisect_right(stamps, time, start) - 1
+        raise NoPose
+
+    def pose(self, index: int) -> Pose:
+        return _read_pose(self.poses, index * POSE_BYTES)
+
+    def pose_at(self, time: int) -> Pose:
+        """
+        Return the pose at a time (ns; 0: the newest); raise NoPose outside of the history.
+
+        Between two samples with the same parent, the pose is interpolated. Between two samples
+        with different parents, the result is the pose of the earlier sample.
+        """
+        stamps = self.stamps
+        if not time or not stamps or not stamps[self.start] < time < stamps[-1]:
+            return self.pose(self.find(time))
+        # Most requested times are between the last two stamps, so try these before the search.
+        after = len(stamps) - 1 if time >= stamps[-2] else bisect_right(stamps, time, self.start)
+        if self.parents is not None and self.parents[after - 1] != self.parents[after]:
+            return self.pose(after - 1)
+        before = stamps[after - 1]
+        return interpolate(_read_two_poses(self.poses, (after - 1) * POSE_BYTES),
+                           (time - before) / (stamps[after] - before))
+
+    def poses_at(self, neighbours: Neighbours) -> Columns:
+        """
+        Return the poses at many times, which must be within the history; update `neighbours`.
+
+        All samples must have the same parent.
+        """
+        newest = len(self) - 1
+        stamps: Any = None
+        columns: Any = None
+        try:
+            stamps = np.frombuffer(self.stamps, np.int64)[self.start:]
+            columns = np.frombuffer(self.poses).reshape(-1, 7)[self.start:].T
+            starts_twice = newest > 0 and stamps[0] == stamps[1]
+            if starts_twice or neighbours.stamps is None or not (
+                    stamps.take(neighbours.indices, mode='clip') == neighbours.stamps).all():
+                before = stamps.searchsorted(neighbours.times, 'right') - 1
+                if starts_twice and stamps[0] != stamps[newest]:
+                    before[neighbours.times == stamps[0]] = 0
+                indices = np.stack((before, np.minimum(before + 1, newest)))
+                neighbours.set(indices, stamps.take(indices))
+            # No comprehension, because its frame would refer to `columns`; see below.
+            pairs = tuple(map(itemgetter(neighbours.indices), columns))
+        finally:
+            # `self.stamps` and `self.poses` cannot grow while numpy arrays use their memory. The
+            # traceback of an exception would keep the arrays in `stamps` and `columns` alive, so
+            # delete these variables.
+            del stamps, columns
+        return interpolate_columns(pairs, neighbours.ratios)
+
+    def parent_of(self, index: int) -> str:
+        return self.only_parent if self.parents is None else self.parents[index]
+
+    def parent_at(self, time: int) -> Optional[str]:
+        """Return the parent at a time (ns; 0: the newest); None if there is no pose."""
+        try:
+            return self.parent_of(self.find(time))
+        except NoPose:
+            return None
+
+    def parent_near(self, time: int) -> Optional[str]:
+        """Return the parent at a time (ns, 0 included); before the oldest sample, its parent."""
+        if not len(self):
+            return None
+        return self.parent_of(max(bisect_right(self.stamps, time, self.start) - 1, self.start))
+
+    def parent_changes(self) -> list[int]:
+        """Return the stamps (ns) of the samples whose parent is not that of the sample before."""
+        parents = self.parents
+        if parents is None:
+            return []
+        return [self.stamps[i] for i in range(self.start + 1, len(parents))
+                if parents[i] != parents[i - 1]]
+
+    def stamps_between(self, begin: int, end: int) -> NDArray[np.int64]:
+        """Return the stamps (ns) from `begin` to before `end`; a stamp may occur several times."""
+        first = bisect_left(self.stamps, begin, self.start)
+        return np.array(self.stamps[first:bisect_left(self.stamps, end, first)], np.int64)
+
+    def distance_to(self, time: int) -> int:
+        """Return how far a time is before the oldest or after the newest sample (ns)."""
+        if not self.stamps:
+            return 0
+        return max(0, time - self.latest, self.oldest - time)
+
+    def dump(self) -> dict[str, Any]:
+        indices = range(self.start, len(self.stamps))
+        return {'parents': [self.parent_of(i) for i in indices],
+                'stamps': self.stamps[self.start:].tolist(),
+                'poses': [list(self.pose(i)) for i in indices],
+                'authority': self.authority, 'is_static': False}
+
+
+class StaticHistory:
+    """The history of a static frame: one pose, which holds at all times."""
+
+    __slots__ = ('authority', 'only_parent', 'pose')
+
+    is_static = True
+    parents = None
+    latest = oldest = 0  # as for a History without samples
+
+    def __init__(self, parent: str, pose: Pose, authority: str) -> None:
+        self.only_parent, self.pose, self.authority = parent, pose, authority
+
+    def __len__(self) -> int:
+        return 1
+
+    @property
+    def all_parents(self) -> tuple[str]:
+        return (self.only_parent,)
+
+    def state(self, until: int) -> State:
+        return self.only_parent, self.authority, True, 1, 0, 0
+
+    def pose_at(self, time: int) -> Pose:
+        return self.pose
+
+    def poses_at(self, neighbours: Neighbours) -> Columns:
+        x, y, z, qx, qy, qz, qw = np.array([self.pose]).T
+        return x, y, z, qx, qy, qz, qw
+
+    def parent_at(self, time: int) -> str:
+        return self.only_parent
+
+    def parent_near(self, time: int) -> str:
+        return self.only_parent
+
+    def distance_to(self, time: int) -> int:
+        return 0
+
+    def dump(self) -> dict[str, Any]:
+        return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
+                'authority': self.authority, 'is_static': True}
+
+
+AnyHistory = Union[History, StaticHistory]

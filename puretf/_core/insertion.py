@@ -1,0 +1,249 @@
+"""Insertion of transforms into a tree of frames, after normalisation and checks."""
+
+from collections.abc import Iterable
+from functools import partial
+from itertools import starmap
+import math
+import struct
+import sys
+from time import monotonic_ns
+from traceback import format_exc
+from typing import Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core import hints
+from puretf._core.composition import normalized
+from puretf._core.frames import is_too_long, LONGEST_NAME
+from puretf._core.history import History, MAX_SAMPLES_PER_STAMP
+from puretf._core.lookup import Lookups
+from puretf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
+from puretf._core.texts import (
+    old_data,
+    refusals,
+    ThrottledLog,
+    too_long_name,
+    too_many_frames,
+    too_many_samples,
+    too_many_samples_of_a_frame,
+)
+from puretf._core.times import SECOND
+
+#: One frame may have at most this number of samples per second of cache time.
+_MAX_SAMPLES_PER_SECOND = 10_000
+#: The smallest number of rotations that numpy normalises faster than a loop does.
+_MANY = 20
+_unpack_pose = struct.Struct('7d').unpack
+
+
+class Insertion:
+    """The insertion of transforms into a tree of frames; callers must hold the buffer's lock."""
+
+    def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
+        self.log = ThrottledLog()
+        self._tree, self._lookups = lookups.tree, lookups
+        self._max_frames = max_frames
+        self._max_samples = sys.maxsize if max_samples is None else max_samples
+        #: The largest number of samples of one frame.
+        self._max_samples_per_frame = sys.maxsize if max_samples is None else max(
+            MAX_SAMPLES_PER_STAMP, _MAX_SAMPLES_PER_SECOND * self._tree.cache_time // SECOND)
+        #: At least this number of samples can be inserted before the buffer is full. Samples that
+        #: expire make room, but this number does not grow until `_drop_oldest` counts all samples.
+        self._room = self._max_samples
+        #: True if there was no room when the samples were last counted.
+        self._is_full = False
+        #: The number of samples that were inserted into the full buffer since the last count.
+        self._uncounted = 0
+
+    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
+               is_static: bool) -> bool:
+        """Insert one transform; the caller has checked the types of the arguments."""
+        return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
+                            pose, authority, is_static)
+
+    def _insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
+                is_static: bool) -> bool:
+        """Insert one transform; the caller has removed a leading slash from each name."""
+        x, y, z, qx, qy, qz, qw = pose
+        pose = (x, y, z, *normalized(qx, qy, qz, qw))
+        if warnings := refusals(parent, child, pose, authority):
+            self.log.warn(child, *warnings, end=partial(
+                hints.refused, self._tree.look, authority, is_static))
+            return False
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+            # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
+            # inserted here.
+            pose = (math.nan, math.nan, math.nan, *pose[3:])
+        is_known_edge = self._tree.is_known_edge(parent, child, is_static)
+        if not is_known_edge and not self._accepts_names(
+                parent, child, authority, is_static):
+            return False
+        is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
+        if not is_known_edge:
+            self._lookups.paths.clear()
+        history = self._tree.histories[child]
+        if not isinstance(history, History):
+            return is_accepted
+        history.arrival = monotonic_ns()
+        if not is_accepted:
+            history.refusal = history.arrival
+            self.log.warn(child, old_data(
+                child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
+                    hints.old_data, self._tree.look, authority))
+            return False
+        self._room -= 1
+        if self._room < 0 or len(history) > self._max_samples_per_frame:
+            self._drop_oldest(history, 1, child, authority)
+        return True
+
+    def _accepts_names(self, parent: str, child: str, authority: str, is_static: bool) -> bool:
+        """Return True if both names are short enough, and `max_frames` allows the new frames."""
+        end = partial(hints.refused, self._tree.look, authority, is_static)
+        if is_too_long(parent) or is_too_long(child):
+            what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
+            self.log.warn(child, too_long_name(
+                child, what, name, LONGEST_NAME, authority), end=end)
+            return False
+        frames = self._tree.histories
+        if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
+            self.log.warn_once('too many frames', too_many_frames(
+                child, self._max_frames, authority), end=end)
+            return False
+        return True
+
+    def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
+        """
+        Insert the transforms of messages, as if `insert` were called for each transform.
+
+        Most transforms of a batch are newer than all samples of their child frame, and have the
+        same parent. If all poses of the batch are finite, such transforms are appended unchecked.
+        """
+        now = monotonic_ns()
+        for batch in batches:
+            try:
+                if isinstance(batch, Rows):
+                    for stamp, parent, child, pose in batch.rows:
+                        self.insert(stamp, parent, child, pose, batch.authority, batch.is_static)
+                    continue
+                number, count = len(batch.children), len(batch.stamps)
+                poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
+                is_finite = normalize_poses(poses)
+                by_frame = poses.reshape(count, number, 7).transpose(1, 0, 2).tobytes()
+                size = count * POSE_BYTES
+                for i, (parent, child) in enumerate(zip(batch.parents, batch.children)):
+                    history = self._tree.histories.get(child)
+                    if (is_finite and isinstance(history, History)
+                            and history.only_parent == parent
+                            and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
+                                               batch.authority)):
+                        history.arrival = now
+                        self._room -= count
+                        if self._room < 0 or (
+                                len(history.stamps) - history.start > self._max_samples_per_frame):
+                            self._drop_oldest(history, count, child, batch.authority)
+                        continue
+                    for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
+                        self._insert(stamp, parent, child, _unpack_pose(packed),
+                                     batch.authority, False)
+            except Exception:  # no memory, or a bug in this package: insert the other batches
+                self.log.warn_once('insertion', format_exc(), 1.0)
+                self.mend()
+
+    def clear(self) -> None:
+        """Remove all dynamic transforms, and forget which frames there was a warning of."""
+        self.log.forget()
+        self._tree.clear()
+        self._lookups.paths.clear()
+        self._count_samples()
+
+    def mend(self) -> None:
+        """Drop the histories that an interrupted insertion has left inconsistent."""
+        self._tree.mend()
+        self._lookups.paths.clear()
+        self._count_samples()
+
+    def _count_samples(self) -> None:
+        self._uncounted = 0
+        self._room = self._max_samples - sum(
+            len(history) for history in self._tree.histories.values()
+            if isinstance(history, History))
+        self._is_full = self._room <= 0
+
+    def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
+        """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""
+        surplus = len(history) - self._max_samples_per_frame
+        if surplus > 0:
+            history.drop_before(history.start + surplus)
+            self._room += surplus
+            self.log.warn_once('frame', too_many_samples_of_a_frame(
+                child, self._max_samples_per_frame, authority))
+        if self._room >= 0:
+            return
+        # Counting all samples takes time in proportion to the number of frames. So in a full
+        # buffer, the samples are counted only now and then. Between two counts, a frame drops one
+        # old sample for each new sample.
+        self._uncounted += added
+        surplus = added
+        if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
+            self._count_samples()
+            surplus = min(added, -self._room)
+        surplus = min(surplus, len(history) - 1)
+        if surplus > 0:
+            history.drop_before(history.start + surplus)
+            self._room += surplus
+            self.log.warn_once('buffer', too_many_samples(
+                child, self._max_samples, authority))
+
+
+def normalize_poses(poses: NDArray[np.float64]) -> bool:
+    """
+    Normalise the rotations of (n, 7) poses in place, with the results of `normalized`.
+
+    Return True if all numbers are finite; the result may be False if only their sum overflows.
+    """
+    rotations = poses[:, 3:]
+    if len(poses) < _MANY:
+        rotations[:] = [*starmap(normalized, rotations.tolist())]
+        return all(map(math.isfinite, poses.ravel().tolist()))
+    q = rotations.T.copy()
+    result = np.empty_like(q)
+    with np.errstate(all='ignore'):
+        doubled = q[:3] * (2.0 / np.add.reduce(q * q))
+        w_xyz = q[3] * doubled
+        products = q[:3, np.newaxis] * doubled
+        xx, yy, zz = products[0, 0], products[1, 1], products[2, 2]
+        mixed = np.array((products[1, 2], products[0, 2], products[0, 1]))
+        trace = 1.0 - (yy + zz)
+        trace += 1.0 - (xx + zz)
+        trace += 1.0 - (xx + yy)
+        root = np.sqrt(trace + 1.0)
+        above, below = mixed + w_xyz, mixed - w_xyz
+        np.multiply(above - below, 0.5 / root, result[:3])
+        np.multiply(root, 0.5, result[3])
+        if not trace.min() > 0.0:
+            diagonal = 1.0 - np.array((yy + zz, xx + zz, xx + yy))
+            _large_angles(~(trace > 0.0), diagonal, above, below, result)
+        rotations[:] = result.T
+        return math.isfinite(poses.sum())
+
+
+def _large_angles(
+        rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
+        below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+    """
+    Compute the quaternions of the rotation matrices of `rows`, whose traces are not positive.
+
+    `diagonal` has the elements 00, 11, 22, `above` 21, 02, 10, and `below` 12, 20, 01.
+    """
+    m0, m1, m2 = diagonal
+    largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
+    for i, j, k in (0, 1, 2), (1, 2, 0), (2, 0, 1):
+        n = (rows & (largest == i)).nonzero()[0]
+        if len(n):
+            root = np.sqrt(diagonal[i, n] - diagonal[j, n] - diagonal[k, n] + 1.0)
+            scale = 0.5 / root
+            result[i, n] = root * 0.5
+            result[j, n] = (above[k, n] + below[k, n]) * scale
+            result[k, n] = (above[j, n] + below[j, n]) * scale
+            result[3, n] = (above[i, n] - below[i, n]) * scale

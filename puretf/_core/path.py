@@ -1,0 +1,100 @@
+"""The path between two frames: its edges, and the poses that are computed along it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core.composition import compose, inverse
+from puretf._core.history import AnyHistory, Neighbours
+from puretf._core.pose import Columns, IDENTITY, Pose
+
+
+class Path:
+    """
+    The edges between a source frame and a target frame.
+
+    The path goes up from the source frame to the highest frame of the path, the *meeting frame*,
+    then down to the target frame. An edge is represented by the history of its child frame.
+    """
+
+    __slots__ = ('edges', 'from_source', 'from_target')
+
+    def __init__(self, from_source: Sequence[AnyHistory], from_target: Sequence[AnyHistory]
+                 ) -> None:
+        self.from_source, self.from_target = from_source, from_target
+        self.edges = [*from_source, *from_target]
+
+    def has_constant_parents(self) -> bool:
+        return all(edge.parents is None for edge in self.edges)
+
+    def latest_common_time(self) -> int:
+        """Return the latest time (ns) for which every dynamic edge has data; 0: no such edge."""
+        return min([latest for edge in self.edges if (latest := edge.latest)], default=0)
+
+    def span(self) -> tuple[int, int]:
+        """Return the first and last time (ns) with data of all edges; parents must be constant."""
+        begin, end = -2**63, 2**63
+        for edge in self.edges:
+            if not edge.is_static:
+                begin, end = max(begin, edge.oldest), min(end, edge.latest)
+                if not len(edge):
+                    return 1, 0
+        return begin, end
+
+    def covers(self, time: int) -> bool:
+        """Return True if every edge has a pose at a time."""
+        return all(edge.parent_at(time) is not None for edge in self.edges)
+
+    def pose(self, time: int) -> Pose:
+        """Compute the pose of the source frame at a time (ns; 0: each edge's newest)."""
+        if not self.from_target:
+            return _pose_along(self.from_source, time)
+        target_from_top = inverse(_pose_along(self.from_target, time))
+        if not self.from_source:
+            return target_from_top
+        return compose(target_from_top, _pose_along(self.from_source, time))
+
+    def poses(self, times: NDArray[np.int64]
+              ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """
+        Compute the poses of the source frame in the target frame at many times (ns).
+
+        The parents must be constant. Return (n, 7) poses, and (n,) bool: True where there is one.
+        """
+        if not times.all():
+            times = np.where(times == 0, self.latest_common_time(), times)
+        begin, end = self.span()
+        known = (begin <= times) & (times <= end)
+        if not known.any():
+            return np.empty((len(times), 7)), known
+        neighbours = Neighbours(times if known.all() else np.where(known, times, begin))
+        with np.errstate(invalid='ignore', over='ignore'):
+            columns = _columns_along(self.from_source, neighbours)
+            if self.from_target:
+                target_from_top = inverse(_columns_along(self.from_target, neighbours))
+                columns = (compose(target_from_top, columns) if self.from_source
+                           else target_from_top)
+        result = np.empty((len(times), 7))
+        for i, column in enumerate(columns):
+            result[:, i] = column
+        return result, known
+
+
+def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
+    """Compute the pose of the lowest frame in the highest; the edges go upwards."""
+    if not edges:
+        return IDENTITY
+    pose = edges[0].pose_at(time)
+    for edge in edges[1:]:
+        pose = compose(edge.pose_at(time), pose)
+    return pose
+
+
+def _columns_along(edges: Sequence[AnyHistory], neighbours: Neighbours) -> Columns:
+    """Compute the poses at many times, each as `_pose_along` does."""
+    columns: Columns = IDENTITY
+    for i, edge in enumerate(edges):
+        poses = edge.poses_at(neighbours)
+        columns = compose(poses, columns) if i else poses
+    return columns

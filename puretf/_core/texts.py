@@ -1,0 +1,542 @@
+"""
+Error texts and log lines: tf2's own words, printable names, and what `hints` is written with.
+
+Names of frames are received from other nodes. They can contain any character, and can be long.
+Therefore they are escaped and abbreviated before they are printed.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
+from functools import lru_cache
+from itertools import islice, takewhile
+import logging
+from math import inf, isnan
+import re
+from time import monotonic
+from typing import NamedTuple
+
+from puretf._core.times import display_time
+
+#: The name of the type TFMessage, in the ROS graph and in bags of rosbag2.
+TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
+#: The longest name (characters) that a log line shows in full.
+LONGEST = 100
+#: The largest number of names that an error lists.
+_MAX_SHOWN = 5
+#: The largest number of topics or namespaces that an error lists.
+MAX_TOPICS = 10
+#: An error text that is longer than this (characters) is abbreviated.
+_LONGEST_ERROR = 500
+#: The largest number of frames of which it is remembered that there was a warning.
+_MAX_WARNED = 1000
+#: The largest number of names that are compared with an unknown name.
+_MAX_COMPARED = 1000
+#: In shorter words, another letter can be on purpose: `wheel_fl` and `wheel_fr`, `top` and `tip`.
+_SHORTEST_WORD = 4
+
+
+def visible(text: str) -> str:
+    r"""
+    Escape each character of a line that is not printable, as `repr` does.
+
+    A control character can move the cursor of a terminal; a lone surrogate is not valid UTF-8.
+
+    >>> print(visible('tool\x1b[2J'))
+    tool\x1b[2J
+    """
+    return text if text.isprintable() else ''.join(
+        c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def visible_lines(text: str) -> str:
+    r"""
+    Escape each line of a text as `visible` does.
+
+    >>> print(visible_lines('one\ntwo\r'))
+    one
+    two\r
+    """
+    return '\n'.join(map(visible, text.split('\n')))
+
+
+def abbreviated(text: str, longest: int = LONGEST) -> str:
+    """
+    Replace the middle of a text of more than `longest` (at least 3) characters by three dots.
+
+    >>> abbreviated('left_front_wheel', 11)
+    'left...heel'
+    """
+    if len(text) <= longest:
+        return text
+    kept = longest - 3
+    return f'{text[:kept - kept // 2]}...{text[len(text) - kept // 2:]}'
+
+
+def shortened(name: str) -> str:
+    r"""
+    Abbreviate a name if it is longer than `LONGEST`, and escape it.
+
+    >>> print(shortened('tool\n'))
+    tool\n
+    """
+    return visible_name(abbreviated(name))
+
+
+def visible_name(name: str) -> str:
+    """
+    Escape a name as `visible` does; if it begins or ends with a blank, add quotes.
+
+    >>> print(visible_name('base_link '), visible_name('base_link'))
+    'base_link ' base_link
+    """
+    return repr(name) if name[:1] == ' ' or name[-1:] == ' ' else visible(name)
+
+
+def in_log(name: str) -> str:
+    """
+    Abbreviate and escape a name, without quotes; append the original length of a long name.
+
+    >>> in_log('x' * 3000) == 'x' * 49 + '...' + 'x' * 48 + ' (3000 characters)'
+    True
+    """
+    length = f' ({len(name)} characters)' if len(name) > LONGEST else ''
+    return visible(abbreviated(name)) + length
+
+
+def quoted(name: str) -> str:
+    r"""
+    Abbreviate a name, and add quotes and escape sequences as `repr` does.
+
+    >>> print(quoted('tool\n'))
+    'tool\n'
+    """
+    return repr(abbreviated(name))
+
+
+@lru_cache(maxsize=8)  # A program that waits for a frame prints the same error many times.
+def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
+    """
+    Return a sentence with up to five known names that are similar to an unknown name.
+
+    If no name is similar, the sentence has the first five known names; `what` is a plural noun.
+
+    >>> suggest_names('base_lnik', ('map', 'base_link', 'base_scan'))
+    "Nearest known: 'base_link', 'base_scan'."
+    >>> suggest_names('tool', ('map', 'odom'))
+    "Known frames: 'map', 'odom'."
+    >>> suggest_names('tool', ())
+    'No transform has been received yet.'
+    >>> suggest_names('rate', (), 'parameters')
+    'There are no parameters.'
+    """
+    if not known:
+        return ('No transform has been received yet.' if what == 'frames' else
+                f'There are no {what}.')
+    if matches := near_names(name, known):
+        return f'Nearest known: {", ".join(map(quoted, matches))}.'
+    return f'Known {what}: {comma_list(known, _MAX_SHOWN, quoted)}.'
+
+
+def near_names(name: str, known: Iterable[str], cutoff: float = 0.6) -> list[str]:
+    """
+    Return the known names that are similar to a name, the nearest first, at most five.
+
+    Case, blanks and signs do not count. Names of more than `LONGEST` characters, or after the
+    first 1000, are not compared, since that would take seconds.
+
+    :param cutoff: how similar a name must be, from 0 to 1.
+
+    >>> near_names('BASE_LINK', ['map', 'base_scan', 'base_link'])
+    ['base_link', 'base_scan']
+    """
+    if len(name) > LONGEST:
+        return []
+    candidates: dict[str, list[str]] = {}
+    for each in islice(known, _MAX_COMPARED):
+        if len(each) <= LONGEST:
+            candidates.setdefault(_spelling(each).plain or each, []).append(each)
+    near = get_close_matches(
+        _spelling(name).plain or name, [*candidates], _MAX_SHOWN, cutoff)
+    return [each for plain in near for each in candidates[plain]][:_MAX_SHOWN]
+
+
+def is_slip(name: str, other: str) -> bool:
+    """
+    Return whether two names are so alike that one may be a mistake for the other.
+
+    They differ in case, blanks or signs, or by one letter of a word of their last parts. The
+    numbers are the same: names with other numbers are different on purpose.
+
+    >>> is_slip('base_link', 'Base-Link '), is_slip('base_link', 'base_lnk')
+    (True, True)
+    >>> is_slip('wheel_1', 'wheel_2'), is_slip('robot_a/base', 'robot_b/base')
+    (False, False)
+    """
+    a, b = _spelling(name), _spelling(other)
+    if name == other or a.numbers != b.numbers or not a.plain:
+        return False
+    if a.plain == b.plain:
+        return True
+    if abs(len(a.plain) - len(b.plain)) > 1 or len(a.words) != len(b.words):
+        return False
+    different = [i for i, (x, y) in enumerate(zip(a.words, b.words)) if x != y]
+    return (len(different) == 1 and different[0] >= a.namespace
+            and _differ_by_a_letter(a.words[different[0]], b.words[different[0]]))
+
+
+class _Spelling(NamedTuple):
+    words: list[str]  #: in lower case, without blanks and signs
+    namespace: int  #: how many of the words are before the last slash
+    plain: str  #: all words
+    numbers: list[str]
+
+
+@lru_cache(maxsize=8192)
+def _spelling(name: str) -> _Spelling:
+    words, rest = _words(name), _words(name.rpartition('/')[2])
+    return _Spelling(words, len(words) - len(rest), ''.join(words), re.findall(r'\d+', name))
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r'[^\W_+]+|\+', name.lower())
+
+
+def _differ_by_a_letter(a: str, b: str) -> bool:
+    """Return whether one letter is another or missing, or two neighbours have changed places."""
+    if max(len(a), len(b)) < _SHORTEST_WORD:
+        return False
+    same = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
+    a, b = a[same:], b[same:]
+    return (a[1:] == b[1:] or a[1:] == b or a == b[1:]
+            or (a[:2] == b[1::-1] and a[2:] == b[2:]))
+
+
+def difference(name: str, other: str) -> str:
+    """
+    Say by what two names differ for which `is_slip` is True.
+
+    >>> difference('base_link ', 'base_link'), difference('base_lnk', 'base_link')
+    ('a blank at the end', 'a letter')
+    """
+    for what, plain in _DIFFERENCES.items():
+        if plain(name) == plain(other):
+            return what
+    return 'a letter'
+
+
+#: What is the only difference of two names that a function makes equal.
+_DIFFERENCES: dict[str, Callable[[str], str]] = {
+    'a blank at the end': str.rstrip,
+    'a blank at the beginning': str.lstrip,
+    'blanks at the ends': str.strip,
+    'case': str.lower,
+    'a slash at the beginning': lambda name: name.removeprefix('/'),
+    'a character that cannot be seen': lambda name: ''.join(filter(str.isprintable, name)),
+    "'-' and '_'": lambda name: name.replace('-', '_'),
+    'case, blanks or signs': lambda name: _spelling(name).plain}
+
+
+def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
+    """
+    Join the first texts with commas, each converted by `write`, and say how many remain.
+
+    >>> comma_list(['a', 'b', 'c', 'd'], 2)
+    'a, b and 2 more'
+    """
+    more = f' and {len(texts) - shown} more' if len(texts) > shown else ''
+    return f'{", ".join(map(write, texts[:shown]))}{more}'
+
+
+#: By heading: the short names of the sections of docs/troubleshooting.md.
+SECTION_NAMES = {
+    'Extrapolation into the future': 'future',
+    'Extrapolation into the past': 'past',
+    'Only one time is in the buffer': 'one_time',
+    'A frame does not exist': 'missing_frame',
+    'Two unconnected trees': 'two_trees',
+    'TF_OLD_DATA': 'old_data',
+    'TF_REPEATED_DATA': 'repeated_data',
+    'The queue of a message filter is full': 'full_queue',
+    'Messages are earlier than all data in the cache': 'old_messages',
+    'use_sim_time and the wall clock': 'clock',
+    'The QoS of /tf_static': 'tf_static',
+    'No static transforms from a bag': 'split_bag',
+    'A frame jumps or flickers': 'jump',
+    'A jump back in time': 'jump_back',
+    'A leading slash, or a namespace': 'namespace',
+    'Half of a robot is in a namespace': 'half_namespace',
+    'Two nodes on /joint_states or /clock': 'two_nodes',
+    'A lookup that waits for its own node': 'own_node',
+    'Other faults': 'other'}
+
+
+def see(heading: str) -> str:
+    """
+    Return the end of a hint: the command that prints a section of docs/troubleshooting.md.
+
+    There is no period after the command, so that it can be copied.
+
+    >>> see('TF_OLD_DATA')
+    ' More: tf_doctor --explain old_data'
+    """
+    return f' More: tf_doctor --explain {SECTION_NAMES[heading]}'
+
+
+def namespace_path(namespace: str) -> str:
+    """
+    Return a namespace as the beginning of the name of a topic.
+
+    >>> namespace_path('robot/'), namespace_path('/')
+    ('/robot', '')
+    """
+    return ''.join(f'/{part}' for part in namespace.split('/') if part)
+
+
+def namespace_distance(namespace: str, other: str) -> int:
+    """
+    Return the number of steps, up and down, from one namespace to another.
+
+    >>> namespace_distance('/lab/robot1', '/lab'), namespace_distance('/robot1', '/robot2')
+    (1, 2)
+    """
+    parts, others = ([part for part in each.split('/') if part] for each in (namespace, other))
+    common = len([*takewhile(lambda pair: pair[0] == pair[1], zip(parts, others))])
+    return len(parts) + len(others) - 2 * common
+
+
+def may_be_one_robot(topic: str, other: str) -> bool:
+    """
+    Return whether one topic is in the namespace of the other, or one namespace is misspelt.
+
+    >>> may_be_one_robot('/robot1/tf', '/tf'), may_be_one_robot('/robot1/tf', '/robot2/tf')
+    (True, False)
+    """
+    a, b = (f'{each.rpartition("/")[0]}/' for each in (topic, other))
+    return a.startswith(b) or b.startswith(a) or _spelling(a).plain == _spelling(b).plain
+
+
+def full_name(namespace: str, name: str) -> str:
+    """
+    Return the full name of a node, whose namespace begins with a slash.
+
+    >>> full_name('/', 'arm'), full_name('/robot', 'arm')
+    ('/arm', '/robot/arm')
+    """
+    return f'{namespace.rstrip("/")}/{name}'
+
+
+# The texts of tf2, unchanged.
+
+UNKNOWN_FRAME = 'frame does not exist'
+EMPTY_NAME = 'in tf2 frame_ids cannot be empty'
+LEADING_SLASH = "in tf2 frame_ids cannot start with a '/'"
+LOOP = 'The tf tree is invalid because it contains a loop.\n'
+
+
+def unknown_frame(name: str, where: str) -> str:
+    return f'"{name}" passed to {where} does not exist. '
+
+
+def invalid_argument(name: str, where: str, problem: str) -> str:
+    return f'Invalid argument "{name}" passed to {where} - {problem}'
+
+
+def invalid_frame_id(name: str, argument: str, problem: str) -> str:
+    return f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}'
+
+
+def unconnected(target: str, source: str) -> str:
+    return (f"Could not find a connection between '{target}' and '{source}' because they are not "
+            'part of the same tree.Tf has two or more unconnected trees.')
+
+
+def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, source: str
+                  ) -> str:
+    """Return the text for a time (ns) outside of `count` samples from `oldest` to `latest`."""
+    if not count:
+        words = ''
+    elif count == 1:
+        words = (f'Lookup would require extrapolation at time {display_time(time)}, but only time '
+                 f'{display_time(latest)} is in the buffer')
+    elif time > latest:
+        words = ('Lookup would require extrapolation into the future.  Requested time '
+                 f'{display_time(time)} but the latest data is at time {display_time(latest)}')
+    else:
+        words = ('Lookup would require extrapolation into the past.  Requested time '
+                 f'{display_time(time)} but the earliest data is at time {display_time(oldest)}')
+    return f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
+
+
+def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> list[str]:
+    """Return tf2's warnings about an invalid transform."""
+    if parent != child and parent and child and not any(map(isnan, pose)):
+        return []
+    found = []
+    is_own_parent = parent == child
+    child, authority = in_log(child), in_log(authority)
+    numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
+    if is_own_parent:
+        found.append(f'TF_SELF_TRANSFORM: Ignoring transform from authority "{authority}" with '
+                     f'frame_id and  child_frame_id "{child}" because they are the same')
+    if not child:
+        found.append(f'TF_NO_CHILD_FRAME_ID: Ignoring transform from authority "{authority}" '
+                     'because child_frame_id not set ')
+    if not parent:
+        found.append(f'TF_NO_FRAME_ID: Ignoring transform with child_frame_id "{child}"  from '
+                     f'authority "{authority}" because frame_id not set')
+    if any(map(isnan, pose)):
+        found.append(f'TF_NAN_INPUT: Ignoring transform for child_frame_id "{child}" from '
+                     f'authority "{authority}" because of a nan value in the transform {numbers}')
+    if any(map(isnan, pose[3:])):
+        found.append('TF_DENORMALIZED_QUATERNION: Ignoring transform for child_frame_id '
+                     f'"{child}" from authority "{authority}" because of an invalid quaternion '
+                     f'in the transform {numbers.partition(") ")[2]}')
+    return found
+
+
+def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: int) -> str:
+    """Return tf2's warning about a transform that is too old, and the cause; times in ns."""
+    return (f'TF_OLD_DATA ignoring data from the past for frame {in_log(child)} at time '
+            f'{display_time(stamp)} according to authority {in_log(authority)}\n'
+            f'It is {display_time(latest - stamp)} s older than the newest transform of this '
+            f'frame, and {display_time(cache_time)} s are kept. Usual causes: two nodes publish '
+            'the frame, a bag or a simulation has started again, or use_sim_time is set in some '
+            'nodes only. This is logged once per frame.')
+
+
+# The errors of bags.
+
+
+def error_line(error: Exception) -> str:
+    """Return the text of an error, or its type, in one line that ends with one period."""
+    text = visible(' '.join(str(error).split())) or type(error).__name__
+    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
+
+
+def later_part(path: str, first: str) -> str:
+    """Say why a recording may have no static transforms, and what to do."""
+    return (f'{visible(path)} is without the first part of its recording, which usually has all '
+            f'static transforms: read {visible(first)}, too.')
+
+
+def no_tf(expected: Sequence[str], topics: Sequence[tuple[str, str]]) -> str:
+    """Say that a bag has no transforms on the expected topics; `topics`: all, with their types."""
+    others = sorted(f'{in_log(name)} ({in_log(msgtype)})' for name, msgtype in topics)
+    return (f'no {TF_MESSAGE} on {" or ".join(expected)}; its topics: '
+            f'{comma_list(others, MAX_TOPICS) or "none"}')
+
+
+def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
+    """Say in which other namespaces a bag has transforms; '': without one."""
+    if namespaces == ['']:
+        where = 'on topics without a namespace: omit the namespace'
+    else:
+        names = comma_list([in_log(name) or '/' for name in namespaces], MAX_TOPICS)
+        where = f'in the namespace {names}: pass it as namespace (--namespace)'
+    return f'no TFMessage on {" or ".join(expected)}, but {where}'
+
+
+def wrong_types(topics: Sequence[tuple[str, str]]) -> str:
+    """Say which topics of TF have another type."""
+    types = ' and '.join(f'{in_log(name)} has the type {in_log(msgtype)}'
+                         for name, msgtype in sorted(topics))
+    return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
+            'StaticTransformBroadcaster')
+
+
+# The warnings of this package, in the style of tf2's.
+
+
+def too_many_frames(child: str, limit: int, authority: str) -> str:
+    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{in_log(child)}" from '
+            f'authority "{in_log(authority)}" because max_frames of the buffer allows {limit} '
+            'frames. All other transforms with a new frame are ignored, too. Check whether a node '
+            'publishes a new frame name again and again.')
+
+
+def too_long_name(child: str, what: str, name: str, longest: int, authority: str) -> str:
+    size = len(name.encode('utf-8', 'surrogatepass'))
+    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{in_log(child)}" from '
+            f'authority "{in_log(authority)}" because its {what} has {size} bytes; at most '
+            f'{longest} are allowed')
+
+
+def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
+    return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
+            f'"{in_log(child)}" from authority "{in_log(authority)}" before the cache time is '
+            f'over: at most {limit} are kept of one frame with this cache time. The oldest '
+            'transforms of every other frame with too many transforms are dropped, too. Check '
+            'whether the stamps of this frame advance too slowly.')
+
+
+def too_many_samples(child: str, limit: int, authority: str) -> str:
+    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{in_log(child)}" '
+            f'from authority "{in_log(authority)}" before the cache time is over: max_samples of '
+            f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
+            'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
+            'or raise max_samples.')
+
+
+class ThrottledLog:
+    """
+    A log that limits how often it warns of the same cause.
+
+    Warnings are queued; `flush` writes them. Do not hold a lock while you call `flush`: a handler
+    of the log may look up transforms, and so wait for the lock of a buffer.
+    """
+
+    def __init__(self) -> None:
+        #: The function that writes a warning; another function may be assigned.
+        self.write: Callable[[str], None] = logging.getLogger('puretf').warning
+        #: The earliest monotonic time (s) of the next warning, by cause.
+        self._next_times: dict[str, float] = {}
+        #: The causes and frames of `warn`.
+        self._warned: set[tuple[str, str]] = set()
+        #: The warnings, each with a function that returns the end of its text.
+        self._queue: deque[tuple[str, Callable[[], str]]] = deque()
+
+    def warn(self, child: str, *problems: str, end: Callable[[], str] = str) -> None:
+        """
+        Queue warnings about a frame, each once per cause, which is the first word.
+
+        At most one warning a second is queued per cause. `flush` calls `end`, which returns the
+        end of each text.
+        """
+        child = abbreviated(child)
+        for problem in problems:
+            cause = problem.partition(' ')[0]
+            if (cause, child) not in self._warned and self.is_due(cause, 1.0):
+                self._queue.append((problem, end))
+                if len(self._warned) >= _MAX_WARNED:
+                    self._warned.clear()
+                self._warned.add((cause, child))
+
+    def forget(self) -> None:
+        """Let `warn` warn of each frame again; if called often, of each cause once a second."""
+        if self.is_due('forget', 1.0):
+            for cause, _ in self._warned:
+                self._next_times.pop(cause, None)
+        self._warned.clear()
+
+    def warn_once(self, cause: str, problem: str, silence: float = inf,
+                  end: Callable[[], str] = str) -> None:
+        """Queue a warning, unless one of this cause was queued within some time (s)."""
+        if self.is_due(cause, silence):
+            self._queue.append((problem, end))
+
+    def is_due(self, cause: str, silence: float) -> bool:
+        """Return whether a warning may be written; if so, the next is due after `silence` (s)."""
+        now = monotonic()
+        if now < self._next_times.get(cause, now):
+            return False
+        self._next_times[cause] = now + silence
+        return True
+
+    def flush(self) -> None:
+        while self._queue:
+            try:
+                problem, end = self._queue.popleft()
+            except IndexError:  # another thread has written it
+                return
+            self.write(problem + end())

@@ -1,0 +1,146 @@
+"""What hints may use of the clock and the ROS graph of a node."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from inspect import currentframe
+import os
+import sys
+from types import FrameType
+from typing import Optional
+from weakref import WeakKeyDictionary
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import ROSClock
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from puretf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
+from puretf._core.texts import full_name, namespace_distance, TF_MESSAGE
+from puretf._ros.domains import other_domains
+from puretf._ros.rclpy_private import GID_SIZE
+
+#: The name of a publisher whose node is not known.
+UNKNOWN = 'unknown publisher'
+#: The node name that rmw reports for a publisher whose node is not discovered yet.
+_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+#: By node: the child frames that its broadcasters of dynamic transforms have sent.
+broadcast: WeakKeyDictionary[Node, set[str]] = WeakKeyDictionary()
+#: The settings with which ROS does not look for other machines.
+_HIDE_OTHERS = (('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'),
+                ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF'), ('ROS_LOCALHOST_ONLY', '1'))
+
+
+def gid_of(info: TopicEndpointInfo) -> str:
+    """Return the gid (in hex) of a publisher in the ROS graph."""
+    return bytes(info.endpoint_gid[:GID_SIZE]).hex()
+
+
+def node_of(info: TopicEndpointInfo) -> str:
+    """Return the full name of a publisher's node; UNKNOWN if it is not discovered yet."""
+    return (UNKNOWN if info.node_name == _UNKNOWN_NODE
+            else full_name(info.node_namespace, info.node_name))
+
+
+def nodes_on(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that publish on a topic."""
+    return sorted({node_of(info) for info in node.get_publishers_info_by_topic(topic)})
+
+
+def surroundings(
+        node: Node, subscriptions: Sequence[Subscription], has_data: bool, has_dynamic: bool,
+        elsewhere: Callable[[Callable[[Elsewhere], bool]], Optional[Elsewhere]]) -> Surroundings:
+    """
+    Return the surroundings of a listener.
+
+    :param subscriptions: to static transforms, and to dynamic ones.
+    :param has_data: whether any transform has arrived.
+    :param has_dynamic: whether a dynamic one has.
+    """
+    topics = [each.topic_name for each in subscriptions]
+    publishers = [
+        Publisher(node_of(info), each.topic_name, info.topic_type, gid_of(info),
+                  _lack(info.qos_profile, each.qos_profile))
+        for each in subscriptions for info in node.get_publishers_info_by_topic(each.topic_name)]
+    clock, durability = node.get_clock(), subscriptions[0].qos_profile.durability
+    domain = node.context.get_domain_id()
+    joint_states = topics[0].rpartition('/')[0] + '/joint_states'
+    return Surroundings(
+        clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
+        nodes_on(node, '/clock'), topics, publishers,
+        is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
+        is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
+            each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
+        other_topics=[*dict.fromkeys(
+            topic.removesuffix('_static') for topic in other_topics(node, topics))],
+        elsewhere=elsewhere,
+        joint_states=joint_states if node.count_publishers(joint_states) else '',
+        domain=domain, other_domains=partial(other_domains, domain),
+        hides_others=next((f'{name}={value}' for name, value in os.environ.items()
+                           if (name, value.upper()) in _HIDE_OTHERS), ''),
+        node=node.get_fully_qualified_name())
+
+
+def _lack(offered: QoSProfile, requested: QoSProfile) -> str:
+    """Return what a publisher does not offer, but the listener requests; '' if they match."""
+    if requested.durability == DurabilityPolicy.TRANSIENT_LOCAL != offered.durability:
+        return 'transient local'
+    if requested.reliability == ReliabilityPolicy.RELIABLE != offered.reliability:
+        return 'reliable'
+    return ''
+
+
+def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
+    """Return the other topics with publishers of transforms: the nearest to the node first."""
+    def distance(topic: str) -> tuple[int, str]:
+        return namespace_distance(topic.rpartition('/')[0], node.get_namespace()), topic
+
+    return sorted((topic for topic, types in node.get_topic_names_and_types()
+                   if TF_MESSAGE in types and topic not in topics
+                   and node.count_publishers(topic)), key=distance)
+
+
+def blocked_nodes(node: Node) -> dict[str, Blocked]:
+    """Return the nodes whose callbacks wait until this thread goes on, each with the reason."""
+    nodes = [node]
+    callers = [frame for frame in _frames(currentframe())
+               if frame.f_globals.get('__name__') == 'rclpy.executors']
+    executor = next((each for frame in callers if isinstance(
+        each := frame.f_locals.get('self'), Executor)), None)
+    if not callers:
+        if node.executor is not None and (
+                not isinstance(node.executor, (SingleThreadedExecutor, MultiThreadedExecutor))
+                or _is_spinning(node.executor)):
+            return {}
+        why = 'cannot while nothing spins it: spin it in a thread.'
+    elif isinstance(executor, SingleThreadedExecutor):
+        nodes = executor.get_nodes()
+        why = ('cannot while this lookup blocks its executor: await lookup_transform_async '
+               'instead, in a callback group of its own.')
+    else:
+        group = next((frame.f_locals['entity'].callback_group for frame in callers
+                      if 'entity' in frame.f_locals), None)
+        if isinstance(group, ReentrantCallbackGroup) or {
+                timer.callback_group for timer in node.timers} != {group}:
+            return {}
+        why = ('cannot while this lookup keeps its callback group busy: put the callback that '
+               'looks up into a group of its own.')
+    return {each.get_fully_qualified_name(): Blocked(why, broadcast.get(each, ()))
+            for each in nodes}
+
+
+def _frames(frame: Optional[FrameType]) -> Iterator[FrameType]:
+    """Yield a frame of a stack and its callers."""
+    while frame:
+        yield frame
+        frame = frame.f_back
+
+
+def _is_spinning(executor: Executor) -> bool:
+    """Return whether a thread is in a method of an executor."""
+    return any(
+        frame.f_globals.get('__name__') == 'rclpy.executors'
+        and frame.f_locals.get('self') is executor
+        for top in sys._current_frames().values() for frame in _frames(top))

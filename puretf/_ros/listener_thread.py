@@ -1,0 +1,173 @@
+"""The threads of listeners, which end with their nodes."""
+
+import atexit
+from collections.abc import Callable
+from contextlib import suppress
+from threading import current_thread, Thread
+from threading import enumerate as running_threads
+from time import monotonic
+from typing import Any, NamedTuple, Optional
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.guard_condition import GuardCondition
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+
+from puretf._ros.rclpy_private import guard_condition, RCLError, WaitSet
+
+#: The longest wait (s): a signal that shuts ROS down does not wake the thread.
+_MAX_WAIT = 0.2
+#: The shortest time (s) between two wake-ups of the executor that are not urgent. A wake-up costs
+#: 0.1 to 0.3 ms.
+_WAKE_INTERVAL = 0.1
+#: The longest time (s) for which `stop` waits: the caller may hold a lock that the thread needs.
+_JOIN_TIMEOUT = 0.5
+
+
+class NodeThread(Thread):
+    """A thread that ends when `end` is called, its node is destroyed or Python exits."""
+
+    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
+        super().__init__(name=f'tf of {node.get_name()}', daemon=True)
+        self._node, self._on_end = node, on_end
+        self.must_end = False
+        self._guard = guard_condition(node, group, self.stop)
+
+    def wake(self) -> None:
+        """End the wait of the thread."""
+        raise NotImplementedError
+
+    def work_until_end(self) -> None:
+        raise NotImplementedError
+
+    def run(self) -> None:
+        """Work; ignore errors of rcl if the thread must end, or if the context is shut down."""
+        try:
+            self.work_until_end()
+        except (InvalidHandle, RCLError):
+            if not self.must_end and self._node.context.ok():
+                raise
+
+    def end(self) -> None:
+        self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
+
+    def stop(self) -> None:
+        """Make the thread end, and wait for its end, but at most for `_JOIN_TIMEOUT`."""
+        self.must_end = True
+        if self.is_alive():  # not so in the child of a fork
+            self.wake()
+            if self is not current_thread():
+                self.join(_JOIN_TIMEOUT)
+
+
+class SpinThread(NodeThread):
+    """A thread that spins a node, as in tf2_ros; `stop` calls `on_end`, even if not started."""
+
+    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
+        super().__init__(node, group, on_end)
+        self._end = Future()
+
+    def wake(self) -> None:
+        if self.must_end:
+            self._end.set_result(None)
+
+    def stop(self) -> None:
+        super().stop()
+        self._on_end()
+
+    def work_until_end(self) -> None:
+        executor = SingleThreadedExecutor(context=self._node.context)
+        try:
+            executor.add_node(self._node)
+            with suppress(ExternalShutdownException):
+                executor.spin_until_future_complete(self._end)
+        finally:
+            executor.remove_node(self._node)
+            executor.shutdown()
+
+
+class Round(NamedTuple):
+    """The result that the function `work` of a `ListenerThread` returns."""
+
+    has_news: bool  #: True if there are new data
+    is_urgent: bool  #: True if a future was completed; then the executor is woken at once
+    pause: float  #: how long the thread may leave messages of /tf in the queue (s)
+
+
+class ListenerThread(NodeThread):
+    """
+    A thread that calls `work` whenever messages arrive, and at least 5 times a second.
+
+    It waits with a wait set of its own. In a pause, messages of /tf do not wake it, so that the
+    next call handles several of them. It calls `on_end` at its end.
+    """
+
+    def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription,
+                 tf: Optional[Subscription], work: Callable[[], Round],
+                 on_end: Callable[[], object], clock: Callable[[], float] = monotonic) -> None:
+        self._wake = GuardCondition(None, None, context=node.context)
+        super().__init__(node, group, on_end)
+        self._clock, self._work = clock, work
+        self._tf_static, self._tf = tf_static, tf
+        self._is_wake_pending = False
+        self._next_wake = 0.0
+
+    def wake(self) -> None:
+        with suppress(InvalidHandle, RCLError):  # if the thread ends at this moment
+            self._wake.trigger()
+
+    def run(self) -> None:
+        try:
+            super().run()
+        finally:
+            self.must_end = True
+            # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
+            with suppress(InvalidHandle, RCLError):
+                self._guard.trigger()
+            self._on_end()
+
+    def work_until_end(self) -> None:
+        tf = self._tf or self._tf_static
+        with self._wake.handle, self._tf_static.handle, tf.handle:
+            self._listen()
+
+    def _listen(self) -> None:
+        context = self._node.context.handle
+        assert context is not None  # a context with a node has a handle
+        wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
+        pause = 0.0
+        while context.ok() and not self.must_end:
+            self._wait(wait_set, pause)
+            if self.must_end:
+                return
+            has_news, is_urgent, pause = self._work()
+            self._is_wake_pending |= has_news
+            if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
+                self._is_wake_pending = False
+                self._next_wake = self._clock() + _WAKE_INTERVAL
+                self._guard.trigger()
+
+    def _wait(self, wait_set: Any, pause: float) -> None:
+        wait_set.clear_entities()
+        wait_set.add_guard_condition(self._wake.handle)
+        wait_set.add_subscription(self._tf_static.handle)
+        if self._tf is not None and not pause:
+            wait_set.add_subscription(self._tf.handle)
+        limit = pause or _MAX_WAIT
+        if self._is_wake_pending and not pause:
+            limit = min(limit, max(0.0, self._next_wake - self._clock()))
+        wait_set.wait(int(limit * 1e9))
+
+
+@atexit.register
+def _stop_all() -> None:
+    """Stop all threads at exit, because a thread that still waits in rcl aborts the process."""
+    threads = [each for each in running_threads() if isinstance(each, NodeThread)]
+    for thread in threads:
+        thread.must_end = True
+        thread.wake()
+    for thread in threads:
+        thread.stop()

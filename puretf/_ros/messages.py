@@ -1,0 +1,26 @@
+"""The types TFMessage and FrameGraph; without tf2_msgs, a class made at run time, and None."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from puretf._ros.rclpy_private import install
+
+
+def _has_type_support() -> bool:
+    """Return True if the tf2_msgs of ROS is installed, and not only that of dummy-arm-tf2."""
+    spec = find_spec('tf2_msgs')
+    return spec is not None and any(
+        any(Path(directory).glob('*_s__rosidl_typesupport_c*'))
+        for directory in spec.submodule_search_locations or ())
+
+
+if _has_type_support():
+    from tf2_msgs.msg import TFMessage
+    from tf2_msgs.srv import FrameGraph
+else:
+    from puretf._tf2_msgs.tf_message import TFMessage
+    FrameGraph = None
+
+__all__ = ['FrameGraph', 'TFMessage']
+
+install(TFMessage)

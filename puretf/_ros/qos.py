@@ -1,0 +1,44 @@
+"""The node and QoS arguments of publishers and subscriptions, and publishers with these."""
+
+from typing import Any, Optional, Union
+
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import qos_policy_name_from_kind, QoSProfile
+
+from puretf._core.texts import ThrottledLog
+from puretf._ros.messages import TFMessage
+from puretf.exceptions import described
+
+
+def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
+    """Return the profile for an argument: a profile, a depth, or None for the default depth."""
+    if qos is None or isinstance(qos, int):
+        return QoSProfile(depth=depth if qos is None else qos, **policies)
+    return qos
+
+
+def check_node(node: Any, call: str) -> None:
+    """Raise a TypeError that shows the right call if an argument is not a node."""
+    if not hasattr(node, 'create_publisher'):
+        raise TypeError(f'node must be a Node of rclpy, got {described(node)}: write {call}')
+
+
+def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:
+    """
+    Create a publisher of TFMessages that warns of incompatible subscriptions, as rclpy does.
+
+    Unlike rclpy, it does not warn of each subscription, but at most once a second.
+    """
+    log, name = ThrottledLog(), node.resolve_topic_name(topic)
+
+    def warn(event: Any) -> None:
+        if log.is_due('QoS', 1.0):
+            node.get_logger().warning(
+                f"New subscription discovered on topic '{name}', requesting incompatible QoS. "
+                'No messages will be sent to it. Last incompatible policy: '
+                f'{qos_policy_name_from_kind(event.last_policy_kind)}')
+
+    return node.create_publisher(
+        TFMessage, topic, qos, event_callbacks=PublisherEventCallbacks(incompatible_qos=warn))

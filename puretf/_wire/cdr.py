@@ -1,0 +1,226 @@
+"""
+Serialisation of `tf2_msgs/msg/TFMessage` in CDR.
+
+A message is in plain CDR (XCDR1), as every RMW of Jazzy sends it:
+
+    00 01 00 00          00 00 (big-endian) or 00 01 (little-endian), two bytes of options
+    uint32               number of transforms. Positions are counted from the start of this field.
+    for each transform:
+      int32, uint32      stamp: seconds, nanoseconds; begins at the next multiple of 4
+      string, string     frame_id, child_frame_id. Each begins at the next multiple of 4 with the
+                         length (uint32, bytes with the NUL); the name in UTF-8 and a NUL follow
+      float64 x 3        translation x y z (m); begins at the next multiple of 8
+      float64 x 4        rotation, quaternion x y z w
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+import struct
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from puretf._core.pose import IDENTITY, Pose, POSE_BYTES, Row
+from puretf._core.times import SECOND
+
+_ENCAPSULATION = b'\x00\x01\x00\x00'
+_BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
+_FIRST_NAME = 16  # where the first frame_id begins
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
+_pack_stamp = struct.Struct('<iI').pack
+_pack_pose = struct.Struct('<7d').pack
+
+
+class MalformedMessage(ValueError):
+    """The bytes are not a TFMessage; the error text before the colon names the kind of fault."""
+
+
+def _pack_name(name: str) -> bytes:
+    try:
+        text = name.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f'frame id {name!r} must be valid Unicode: {error}') from None
+    if b'\0' in text:
+        raise ValueError(f'frame id {name!r} must not contain a NUL character')
+    return struct.pack('<I', len(text) + 1) + text + b'\0'
+
+
+@lru_cache(maxsize=4096)
+def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
+    """Pack both names, each with its padding; `position` (modulo 8) is where frame_id begins."""
+    packed = b''
+    for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
+        packed += _pack_name(name)
+        packed += bytes(-(position + len(packed)) % alignment)
+    return packed
+
+
+#: sec, nanosec (which may be received as 10**9 or more), frame_id, child_frame_id, pose.
+Fields = tuple[int, int, str, str, Pose]
+
+
+def pack(rows: Iterable[Row]) -> bytes:
+    return pack_fields((*split_stamp(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
+
+
+def pack_fields(transforms: Iterable[Fields]) -> bytes:
+    """Serialise transforms; raise a ValueError for a bad name, a struct.error for a bad value."""
+    parts = []
+    position = 4
+    for sec, nanosec, frame_id, child_frame_id, pose in transforms:
+        parts.append(_pack_stamp(sec, nanosec))
+        parts.append(_pack_names(frame_id, child_frame_id, position + 8 & 7))
+        parts.append(_pack_pose(*pose))
+        position = 0
+    count = struct.pack('<I', len(parts) // 3)
+    return b''.join((_ENCAPSULATION, count, *parts))
+
+
+def unpack(data: bytes) -> list[Row]:
+    return list(rows(data))
+
+
+def rows(data: bytes) -> Iterator[Row]:
+    for sec, nanosec, frame_id, child_frame_id, pose in fields(data):
+        yield Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+
+
+def fields(data: bytes) -> Iterator[Fields]:
+    """
+    Deserialise a message of either byte order; the iteration may raise MalformedMessage.
+
+    Bytes after the last transform are ignored, as in Fast DDS.
+    """
+    if not isinstance(data, bytes):
+        raise TypeError(f'expected bytes, got {type(data).__name__}')
+    order = _BYTE_ORDER.get(data[:2])
+    if order is None:
+        raise MalformedMessage(
+            f'unknown encoding: a TFMessage begins with 00 00 or 00 01 (plain CDR), not with '
+            f'{data[:2].hex(" ")!r}')
+    try:
+        (count,) = struct.unpack_from(order + 'I', data, 4)
+        if count * _SMALLEST_TRANSFORM > len(data) - 8:
+            raise MalformedMessage(
+                f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
+                'they announce')
+        yield from _unpack_fields(data, order, count)
+    except struct.error:
+        raise MalformedMessage(
+            f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field') from None
+
+
+def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
+    unpack_head = struct.Struct(order + 'iII').unpack_from
+    unpack_length = struct.Struct(order + 'I').unpack_from
+    unpack_pose = struct.Struct(order + '7d').unpack_from
+    start = 8
+    for _ in range(count):
+        sec, nanosec, length = unpack_head(data, start)
+        start += 12
+        frame_id = data[start:start + length]
+        start += length + (-length & 3)
+        (length,) = unpack_length(data, start)
+        start += 4
+        child_frame_id = data[start:start + length]
+        start += length
+        start += 4 - start & 7
+        yield sec, nanosec, _text(frame_id), _text(child_frame_id), unpack_pose(data, start)
+        start += 56
+
+
+def _text(field: bytes) -> str:
+    """Decode a string as rclpy does: stop at the first NUL, and replace invalid UTF-8."""
+    return field.partition(b'\0')[0].decode('utf-8', 'replace')
+
+
+def split_stamp(stamp_ns: int) -> tuple[int, int]:
+    """Split a time (ns) into sec and nanosec; raise a ValueError if sec does not fit an int32."""
+    sec, nanosec = divmod(stamp_ns, SECOND)
+    if not -2**31 <= sec < 2**31:
+        raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
+    return sec, nanosec
+
+
+class MessageTemplate:
+    """A template of messages with the same frames, as float64: CDR aligns poses to 8 bytes."""
+
+    def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
+        lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
+                   for i, (parent, child) in enumerate(edges)]
+        ends = 4 + np.cumsum(np.array(lengths) + 56)
+        template = pack(Row(0, parent, child, IDENTITY) for parent, child in edges)
+        self._body = np.frombuffer(template, '<f8', offset=4)
+        self._poses_at = ((ends - 56) // 8)[:, np.newaxis] + np.arange(7)
+        self._sec_at = (ends - 56 - lengths) // 4
+
+    def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
+        """Serialise n poses, (n, 7) float64, with one stamp; a ValueError names what is wrong."""
+        sec, nanosec = split_stamp(stamp_ns)
+        values: NDArray[np.float64] = np.asarray(poses, np.float64)
+        if values.shape != self._poses_at.shape:
+            raise ValueError(
+                f'poses must be of shape {self._poses_at.shape}, got {values.shape}')
+        body: NDArray[np.float64] = self._body.copy()
+        body[self._poses_at] = values
+        words = body.view('<u4')
+        words[self._sec_at] = sec & 0xFFFFFFFF
+        words[self._sec_at + 1] = nanosec
+        return _ENCAPSULATION + body.tobytes()
+
+
+def key(data: bytes) -> bytes:
+    """
+    Return the bytes of the two names of the first transform.
+
+    They are the same in messages with the same frames. If a name is longer than 254 bytes, they
+    are a part of the names.
+    """
+    try:
+        end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
+        return data[_FIRST_NAME:end + 4 + data[end]]
+    except IndexError:
+        return b''
+
+
+_unpack_header, _unpack_header_big = (struct.Struct(f'{order}iII').unpack_from for order in '<>')
+
+
+def header(data: bytes) -> tuple[int, bytes]:
+    """
+    Return the stamp (ns) and the bytes of the frame_id of a message that begins with a Header.
+
+    If the bytes end too early, raise a struct.error.
+    """
+    unpack = _unpack_header_big if data[:2] == b'\0\0' else _unpack_header
+    sec, nanosec, length = unpack(data, 4)
+    name = data[16:16 + length]
+    if len(name) < length:
+        raise struct.error('the bytes end in the middle of the frame_id')
+    return sec * SECOND + nanosec, name
+
+
+STAMP = '<iI'
+HEAD = _ENCAPSULATION[:2]
+
+
+def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
+    """
+    Return the format of little-endian messages, for `struct`, and the bytes of the 2 n names.
+
+    The format has the head, the number of transforms, and four fields of bytes for each transform:
+    the stamp, the two names and the pose.
+    """
+    struct_format = '<2s2xI'
+    position = 4
+    names = []
+    for edge in edges:
+        struct_format += '8s'
+        position += 8
+        for name, alignment in zip(edge, (4, 8)):
+            names.append(_pack_name(name))
+            padding = -(position + len(names[-1])) % alignment
+            struct_format += f'{len(names[-1])}s{padding}x'
+            position += len(names[-1]) + padding
+        struct_format += f'{POSE_BYTES}s'
+    return struct_format, names

@@ -1,0 +1,78 @@
+"""The headers at the beginning of messages: those of an even sample of the messages of a topic."""
+
+from array import array
+from contextlib import suppress
+import struct
+from typing import Optional
+
+from puretf._wire import cdr
+from puretf._wire.message_reader import Encoding
+
+#: The largest number of messages in a sample; an even number.
+_MOST = 20_000
+#: The largest number of frames that these messages name, and of bytes in all their names.
+_MOST_FRAMES, _MOST_BYTES = 1000, 1_000_000
+
+
+class Headers:
+    """
+    The headers of an even sample of the messages of a topic.
+
+    Whenever the sample is full, every second message is dropped, and from then on half as many are
+    added. If many messages are expected, this is done beforehand.
+    """
+
+    def __init__(self, encoding: Encoding = cdr) -> None:
+        self._header, self._size, self._expected = encoding.header, 0, 0
+        self.count = 0  #: the number of all messages
+        self.step = 1  #: of so many messages, one is in the sample
+        self.frames: dict[str, int] = {}  #: by name: the number of the frame
+        self._numbers: dict[bytes, int] = {}  # as `frames`
+        self.frame_numbers = array('q')  #: by message: the frame
+        self.arrivals = array('q')  #: by message: the time of arrival or of the recording (ns)
+        self.stamps = array('q')  #: by message: the stamp (ns)
+
+    def expect(self, count: int) -> None:
+        """Prepare for a number of messages that are going to come."""
+        self._expected += count
+        while self._expected > _MOST * self.step:
+            self._halve()
+
+    def _halve(self) -> None:
+        self.frame_numbers, self.arrivals, self.stamps = (
+            each[::2] for each in (self.frame_numbers, self.arrivals, self.stamps))
+        self.step *= 2
+
+    def wants_next(self) -> bool:
+        """Count a message; return whether it belongs to the sample."""
+        self.count += 1
+        return (self.count - 1) % self.step == 0
+
+    def add(self, arrival: int, data: bytes) -> None:
+        """Add the header of a message, unless it is damaged; the arrival in ns."""
+        try:
+            stamp, name = self._header(data)
+        except struct.error:
+            return
+        if (number := self._learn(name)) is None:
+            return
+        if len(self.stamps) >= _MOST:
+            self._halve()
+        if 0 <= arrival < 2**63:
+            self.frame_numbers.append(number)
+            self.arrivals.append(arrival)
+            self.stamps.append(stamp)
+
+    def add_frame(self, data: bytes) -> None:
+        """Add the frame of a message, but not its times."""
+        with suppress(struct.error):
+            self._learn(self._header(data)[1])
+
+    def _learn(self, name: bytes) -> Optional[int]:
+        """Return the number of a frame; None if there are too many."""
+        number = self._numbers.get(name)
+        if number is None and len(self._numbers) < _MOST_FRAMES and self._size <= _MOST_BYTES:
+            self._size += len(name)
+            text = name.partition(b'\0')[0].decode('utf-8', 'replace')
+            number = self._numbers[name] = self.frames.setdefault(text, len(self.frames))
+        return number

@@ -1,0 +1,180 @@
+"""
+The layouts of TFMessages, and the reading of messages whose layout is known.
+
+The frames of a publisher's messages rarely change. So the layout of messages, that is, the
+positions of their fields, is worked out once, and later messages are read by one call of `struct`.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+import struct
+from typing import Optional, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core.pose import Batch, BatchOrRows, Row, Rows
+from puretf._core.times import SECOND
+from puretf._wire import cdr
+from puretf._wire.cdr import MalformedMessage
+
+#: When the messages of the kept layouts take more than this (bytes), all layouts are dropped.
+_MOST_BYTES = 10_000_000
+#: No message is added to a batch of this many transforms: larger arrays do not fit the CPU caches.
+_FULL_BATCH = 1000
+
+
+class Encoding(Protocol):
+    """The encoding of messages: the module `cdr` (ROS 2) or the module `ros1` (ROS 1)."""
+
+    HEAD: bytes  #: what precedes the number of transforms
+    STAMP: str  #: the format of seconds and nanoseconds, for `struct`
+
+    def unpack(self, data: bytes) -> list[Row]:
+        """Deserialise a message, or raise MalformedMessage."""
+
+    def rows(self, data: bytes) -> Iterator[Row]:
+        """Deserialise a message as `unpack` does, one transform after the other."""
+
+    def key(self, data: bytes) -> bytes:
+        """See `cdr.key`."""
+
+    def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
+        """See `cdr.layout`."""
+
+    def header(self, data: bytes) -> tuple[int, bytes]:
+        """See `cdr.header`."""
+
+
+#: The parts of a message: its layout, its n stamps and its n poses, each as bytes.
+Parts = tuple['Layout', tuple[bytes, ...], tuple[bytes, ...]]
+
+
+class Layout:
+    """The positions of the fields in messages that have the same frames."""
+
+    def __init__(self, encoding: Encoding, edges: Sequence[tuple[str, str]]) -> None:
+        self.edges = edges
+        self.parents = [parent.removeprefix('/') for parent, _ in edges]
+        self.children = [child.removeprefix('/') for _, child in edges]
+        self.names = frozenset(self.children)
+        fields, names = encoding.layout(edges)
+        self._struct = struct.Struct(fields)
+        self._head = encoding.HEAD, len(edges)
+        self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
+        self._stamp_type = np.dtype([('sec', encoding.STAMP[:2]), ('nanosec', '<I')])
+
+    def read(self, data: bytes) -> Optional[Parts]:
+        if len(data) < self._struct.size:
+            return None
+        fields = self._struct.unpack_from(data)
+        if (fields[:2] != self._head or fields[3::4] != self._frame_ids
+                or fields[4::4] != self._child_frame_ids):
+            return None
+        return self, fields[2::4], fields[5::4]
+
+    def arrays(self, stamps: bytes, poses: bytearray
+               ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Convert the parts of m messages: (m, n) stamps (ns), and (m, n, 7) poses."""
+        number = len(self.edges)
+        times = np.frombuffer(stamps, self._stamp_type).reshape(-1, number)
+        return (times['sec'].astype(np.int64) * SECOND + times['nanosec'],
+                np.frombuffer(poses, '<f8').reshape(-1, number, 7))
+
+
+class KnownLayouts:
+    """The layouts of messages of one encoding; each is learned from a message."""
+
+    def __init__(self, encoding: Encoding) -> None:
+        self._encoding, self._key = encoding, encoding.key
+        self._kept: dict[tuple[int, bytes], Layout] = {}
+        self._size = 0  # of the messages (bytes)
+
+    def read(self, data: bytes) -> Optional[Parts]:
+        layout = self._kept.get((len(data), self._key(data)))
+        return None if layout is None else layout.read(data)
+
+    def learn(self, data: bytes, rows: Sequence[Row]) -> Optional[Parts]:
+        """
+        Keep the layout of a message, which has these rows, and read the message.
+
+        A child may not occur twice: neither a `Batch` nor a table keeps the order of its rows.
+        """
+        edges = [(row.frame_id, row.child_frame_id) for row in rows]
+        children = {child.removeprefix('/') for _, child in edges}
+        if not edges or len(children) < len(edges) or len(data) > _MOST_BYTES:
+            return None
+        layout = Layout(self._encoding, edges)
+        parts = layout.read(data)
+        if parts is not None:
+            if self._size > _MOST_BYTES:
+                self._kept.clear()
+                self._size = 0
+            self._kept[len(data), self._key(data)] = layout
+            self._size += len(data)
+        return parts
+
+
+class MessageReader:
+    """Reads the messages of a topic."""
+
+    def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = cdr
+                 ) -> None:
+        self._on_malformed, self._unpack = on_malformed, encoding.unpack
+        self._layouts = KnownLayouts(encoding)
+        self._unpack_stamp = struct.Struct(encoding.STAMP).unpack
+
+    def read(self, messages: Iterable[bytes], authority: str, is_static: bool
+             ) -> list[BatchOrRows]:
+        """
+        Join dynamic messages with a known layout and a single stamp into batches.
+
+        Each other message becomes a `Rows` object. The transforms of each child stay in order.
+        """
+        joined, read_known = _Joined(authority), self._layouts.read
+        for data in messages:
+            # Static transforms must stay in order across all frames.
+            parts = None if is_static else read_known(data)
+            if parts is not None:
+                layout, stamps, poses = parts
+                if stamps.count(stamps[0]) == len(stamps):
+                    sec, nanosec = self._unpack_stamp(stamps[0])
+                    joined.add(layout, sec * SECOND + nanosec, poses)
+                    continue
+            try:
+                rows = self._unpack(data)
+            except MalformedMessage as error:
+                self._on_malformed(error)
+                continue
+            if parts is None and not is_static:
+                self._layouts.learn(data, rows)
+            joined.add_rows(rows, is_static)
+        return joined.close()
+
+
+class _Joined:
+    """Messages of one publisher, joined into batches."""
+
+    def __init__(self, authority: str) -> None:
+        self._authority = authority
+        self._closed: list[BatchOrRows] = []
+        self._open: dict[Layout, Batch] = {}
+
+    def add(self, layout: Layout, stamp: int, poses: tuple[bytes, ...]) -> None:
+        batch = self._open.get(layout)
+        if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
+            # The order matters only for transforms of the same child.
+            for other in tuple(self._open):
+                if not layout.names.isdisjoint(other.names):
+                    self._closed.append(self._open.pop(other))
+            batch = self._open[layout] = Batch(layout.parents, layout.children, self._authority)
+        batch.stamps.append(stamp)
+        batch.poses += poses
+
+    def add_rows(self, rows: list[Row], is_static: bool) -> None:
+        self.close().append(Rows(rows, self._authority, is_static))
+
+    def close(self) -> list[BatchOrRows]:
+        """Begin new batches from now on; return all that was added."""
+        self._closed += self._open.values()
+        self._open.clear()
+        return self._closed

@@ -1,0 +1,253 @@
+"""
+Functions that apply a transform to points, vectors, poses, polygons and point clouds.
+
+Names and results are those of tf2_geometry_msgs and tf2_sensor_msgs. The data are in the child
+frame of the transform; their header is ignored. The result is in the parent frame of the
+transform, and has the header of the transform. Coordinates are in m.
+"""
+
+from array import array
+from collections.abc import Callable
+from copy import copy, deepcopy
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar, Union
+
+from geometry_msgs.msg import (
+    Point,
+    Point32,
+    PointStamped,
+    PolygonStamped,
+    Pose,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Vector3,
+    Vector3Stamped,
+)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from puretf import rotations
+from puretf._core.composition import compose, normalized
+from puretf._core.pose import Pose as FramePose
+from puretf.exceptions import described, is_of_rosbags
+
+#: A quaternion with a smaller squared norm is replaced by the identity, as in tf2_geometry_msgs.
+_NO_ROTATION = 2.0 ** -52
+_IDENTITY = (0.0, 0.0, 0.0, 1.0)
+#: The datatypes of x, y and z: the name in numpy, and the size (bytes).
+_TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Return the message itself: a message needs no conversion to a message."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Return the message itself: a message needs no conversion from a message."""
+    return msg
+
+
+_Parameters = ParamSpec('_Parameters')
+_Result = TypeVar('_Result')
+#: The name of the function for each type.
+_functions: dict[type, str] = {}
+
+
+def _takes(kind: type) -> Callable[[Callable[_Parameters, _Result]],
+                                   Callable[_Parameters, _Result]]:
+    """Decorate the function that transforms a type; its errors say what it takes."""
+    def decorate(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+        _functions[kind] = function.__name__
+
+        @wraps(function)
+        def checked(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
+            try:
+                return function(*args, **kwargs)
+            except AttributeError as error:
+                types: list[Any] = [type(each) for each in (*args, *kwargs.values())]
+                if types == [kind, TransformStamped]:
+                    raise
+                other = _functions.get(types[0])
+                names = ' and a '.join(
+                    f'message {each.__msgtype__} of rosbags' if is_of_rosbags(each) else
+                    each.__name__ for each in types)
+                raise AttributeError(
+                    f'{error}. {function.__name__} takes a {kind.__name__} and a '
+                    f'TransformStamped, got a {names}'
+                    f'{f": use {other}" if other and types[0] is not kind else ""}') from None
+        return checked
+    return decorate
+
+
+@_takes(PointStamped)
+def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
+    """Transform a point."""
+    x, y, z = _transform_xyz(point.point, _pose_of(transform))
+    return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
+
+
+@_takes(Vector3Stamped)
+def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
+    """Rotate a vector; the translation of the transform does not apply to vectors."""
+    rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
+    x, y, z = _transform_xyz(vector3.vector, rotation_only)
+    return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
+
+
+@_takes(Pose)
+def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
+    """Transform a pose; the quaternion of the result has w >= 0."""
+    return _transform_pose(pose, transform)
+
+
+def _transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
+    x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
+    qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
+    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+
+
+@_takes(PoseStamped)
+def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
+    """Transform a stamped pose; the quaternion of the result has w >= 0."""
+    return PoseStamped(header=_header(transform), pose=_transform_pose(pose.pose, transform))
+
+
+@_takes(PoseWithCovarianceStamped)
+def do_transform_pose_with_covariance_stamped(
+        pose: PoseWithCovarianceStamped, transform: TransformStamped
+        ) -> PoseWithCovarianceStamped:
+    """Transform a pose and its covariance."""
+    result = PoseWithCovarianceStamped(header=_header(transform))
+    result.pose.pose = _transform_pose(pose.pose.pose, transform)
+    result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
+    return result
+
+
+@_takes(PolygonStamped)
+def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped
+                                 ) -> PolygonStamped:
+    """Transform the points of a polygon."""
+    result, pose = PolygonStamped(header=_header(transform)), _pose_of(transform)
+    for point in polygon.polygon.points:
+        x, y, z = _transform_xyz(point, pose)
+        result.polygon.points.append(Point32(x=x, y=y, z=z))
+    return result
+
+
+def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDArray[np.float64]:
+    """
+    Rotate the covariance matrix of a pose.
+
+    The result is R C R^T, where C is the given matrix, and the two blocks of the block-diagonal
+    matrix R are the rotation matrix of the transform. See A. Leon-Garcia, Probability, Statistics,
+    and Random Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
+
+    :param cov_in: (36,): the rows of the covariance of x, y, z (m) and of the rotations about the
+        x, y and z axes (rad).
+    :returns: (36,) float64.
+    """
+    rotation = np.kron(np.eye(2), rotations.matrix(_rotation(transform.transform.rotation)))
+    rotated: NDArray[np.float64] = rotation @ np.reshape(cov_in, (6, 6)) @ rotation.T
+    return rotated.reshape(36)
+
+
+def _header(transform: TransformStamped) -> Header:
+    """Return a copy, so that a result does not share the transform's header."""
+    if is_of_rosbags(transform):
+        raise TypeError(f'expected a TransformStamped, got {described(transform)}: read the bag '
+                        'by puretf.bag.read, and apply the transforms that it looks up')
+    header = transform.header
+    return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
+
+
+def _transform_xyz(point: Union[Point, Point32, Vector3], pose: FramePose
+           ) -> tuple[float, float, float]:
+    return compose(pose, (point.x, point.y, point.z, *_IDENTITY))[:3]
+
+
+def _pose_of(transform: TransformStamped) -> FramePose:
+    return _pose(transform.transform.translation, transform.transform.rotation)
+
+
+def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> FramePose:
+    return (position.x, position.y, position.z, *_rotation(orientation))
+
+
+def _rotation(orientation: Quaternion) -> rotations.Quaternion:
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    if x * x + y * y + z * z + w * w < _NO_ROTATION:
+        return _IDENTITY
+    return normalized(x, y, z, w)
+
+
+@_takes(PointCloud2)
+def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, TransformStamped]
+                       ) -> PointCloud2:
+    """
+    Transform x, y and z of the points of a cloud; all other fields are copied.
+
+    :param cloud: a cloud of any layout, with x, y, z of the datatype FLOAT32 or FLOAT64. If one
+        of them is NaN, all three are NaN in the result.
+    :returns: a new cloud, with data of its own. If `transform` is a Transform, which has no
+        header, the header is that of the given cloud.
+    :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
+        layout does not fit the data.
+    """
+    result = copy(cloud)
+    result.fields = list(cloud.fields)
+    if isinstance(transform, TransformStamped):
+        result.header = deepcopy(transform.header)
+        transform = transform.transform
+    data = array('B', bytes(cloud.data))
+    points = [_column(cloud, name, data) for name in 'xyz']
+    rotation = rotations.matrix([transform.rotation.x, transform.rotation.y,
+                                 transform.rotation.z, transform.rotation.w])
+    translation = transform.translation.x, transform.translation.y, transform.translation.z
+    xyz = [column.astype(np.float64) for column in points]
+    for column, row, offset in zip(points, rotation, translation):
+        column[...] = row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2] + offset
+    result.data = data
+    return result
+
+
+def transform_points(point_cloud: ArrayLike, transform: Transform) -> NDArray[np.float64]:
+    """
+    Transform an array of points.
+
+    :param point_cloud: (n, 3): x, y, z (m).
+    :returns: (n, 3) float64.
+    :raises ValueError: if the array has another shape.
+    """
+    points = np.asarray(point_cloud, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f'point_cloud must be of shape (n, 3), got {points.shape}')
+    x, y, z, *rotation = _pose(transform.translation, transform.rotation)
+    result: NDArray[np.float64] = points @ rotations.matrix(rotation).T + (x, y, z)
+    return result
+
+
+def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
+    """Return one field of all points, as a view of shape (height, width) into `data`."""
+    field = next((field for field in cloud.fields if field.name == name), None)
+    if field is None or field.datatype not in _TYPES:
+        names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)
+        raise ValueError(f'the cloud needs a field {name} of FLOAT32 or FLOAT64; its fields: '
+                         f'{names or "none"}')
+    kind, size = _TYPES[field.datatype]
+    rows, columns, point_step = cloud.height, cloud.width, cloud.point_step
+    row_step = cloud.row_step if rows > 1 else columns * point_step
+    if (field.offset + size > point_step or row_step < columns * point_step
+            or (len(data) < (rows - 1) * row_step + columns * point_step and rows * columns)):
+        raise ValueError(
+            f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '
+            f'{row_step} bytes a row, {name} at byte {field.offset}, in {len(data)} bytes of data')
+    view: NDArray[np.floating[Any]] = np.ndarray(
+        (rows, columns), ('>' if cloud.is_bigendian else '<') + kind, data,
+        field.offset if rows * columns else 0, (row_step, point_step))
+    return view

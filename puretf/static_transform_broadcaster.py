@@ -1,0 +1,51 @@
+"""Publishing static transforms on /tf_static."""
+
+from collections.abc import Iterable
+from threading import RLock
+from typing import Optional, Union
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from puretf._ros.qos import check_node, create_publisher, profile
+from puretf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
+from puretf._wire import cdr
+
+
+class StaticTransformBroadcaster:
+    """
+    A publisher of static transforms, with the API of tf2_ros.StaticTransformBroadcaster.
+
+    Each message contains the newest transform of each child frame, as it was when it was sent. By
+    default, the last message is latched: DDS keeps it for subscribers that are created later.
+    """
+
+    def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
+                 tf_static_topic: str = '/tf_static') -> None:
+        """
+        Create the publisher; the remappings of the node apply.
+
+        :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
+            local profile. None means the same as the int 1.
+        """
+        check_node(node, 'StaticTransformBroadcaster(node)')
+        self.pub_tf = create_publisher(
+            node, tf_static_topic, profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._sent: dict[str, cdr.Fields] = {}
+        self._lock = RLock()  # because a signal handler may send, too
+
+    def sendTransform(  # noqa: N802
+            self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
+        """
+        Send transforms, together with the newest transform of each other child frame.
+
+        If a transform is invalid, an error is raised as by `TransformBroadcaster.sendTransform`,
+        nothing is sent, and the transforms that were sent before stay in effect.
+        """
+        transforms = as_list(transform)
+        with explain_bad_fields(transforms), self._lock:
+            new = fields_to_send(transforms)
+            cdr.pack_fields(new)  # raises the errors before anything changes
+            self._sent.update((fields[3].removeprefix('/'), fields) for fields in new)
+            self.pub_tf.publish(cdr.pack_fields([*self._sent.values()]))

@@ -1,0 +1,175 @@
+"""A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
+
+from typing import Any, Optional, Union
+
+from puretf._core.buffer_base import BufferBase, debug_tuple
+from puretf._core.times import nanoseconds_or_int, SECOND
+from puretf._core.waiting import wait, why_not
+from puretf.exceptions import described
+from puretf.transform import Transform
+
+
+class TransformBuffer(BufferBase):
+    """
+    A buffer that keeps transforms for the cache time, and looks up the poses of frames.
+
+    A time or a duration is an int (ns), or an object that has either the attribute `nanoseconds`
+    or the attributes `sec` and `nanosec`. `BufferBase` says what all buffers have in common.
+    """
+
+    def __init__(self, cache_time: Any = 10 * SECOND, *, max_frames: int = 100_000,
+                 max_samples: Optional[int] = 10_000_000) -> None:
+        """
+        Create an empty buffer.
+
+        :param cache_time: how long samples are kept (ns). A sample is the pose of a frame in its
+            parent at one stamp. A sample is dropped when it is older than the newest sample of the
+            same frame by more than `cache_time`.
+        :param max_frames: the largest number of frames; a transform that would add another frame
+            is refused.
+        :param max_samples: the largest number of dynamic samples of all frames together; a sample
+            takes 60 to 100 bytes. At this limit, a new sample replaces the oldest sample of the
+            same frame. There is also a limit for each single frame: 10 000 samples for each second
+            of the cache time. None: neither of these two limits applies.
+        :raises TypeError: if the cache time is not a duration.
+        :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
+        """
+        super().__init__(cache_time, max_frames, max_samples)
+        self._engine.tree.takes_ns = True
+
+    def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
+        """
+        Insert a dynamic transform: the pose of a frame at the transform's stamp.
+
+        One leading slash is removed from each frame id.
+
+        :param transform: the transform; its rotation is normalised.
+        :param authority: the name of the publisher, shown by `frames`.
+        :returns: False if the transform was refused, otherwise True. The log says why a transform
+            was refused.
+        :raises TypeError: if `transform` is not a Transform, or if a field of it has a wrong type.
+        :raises ValueError: if the translation and the rotation do not have seven numbers in total.
+        :raises OverflowError: if the stamp does not fit an int64.
+        """
+        return self._set(transform, authority, False)
+
+    def set_transform_static(self, transform: Transform, authority: str = 'default_authority'
+                             ) -> bool:
+        """
+        Insert a static transform: the pose of a frame at all times.
+
+        The stamp of the transform is not used. See `set_transform` for the parameters.
+
+        :returns: False if the transform was refused, otherwise True. The log says why a transform
+            was refused.
+        """
+        return self._set(transform, authority, True)
+
+    def _set(self, transform: Transform, authority: str, is_static: bool) -> bool:
+        if not isinstance(transform, Transform):
+            remedy = ': write Transform.from_message() around it' * hasattr(transform, 'header')
+            raise TypeError('a TransformBuffer takes a Transform (a Buffer a TransformStamped), '
+                            f'got {described(transform)}{remedy}')
+        return self._engine.insert(
+            transform.stamp, transform.frame_id, transform.child_frame_id,
+            (*transform.translation, *transform.rotation), authority, is_static)
+
+    def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
+                         timeout: Any = 0) -> Transform:
+        """
+        Return the pose of the source frame in the target frame.
+
+        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+            path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :returns: the transform from the source frame to the target frame, stamped with its time.
+        :raises TransformException: if there is no such transform.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        stamp, pose = wait(
+            self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
+            nanoseconds_or_int(time))
+        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+
+    def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
+                              source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
+        """
+        Return the pose of the source frame at one time, in the target frame at another time.
+
+        The source frame is located in the fixed frame at `source_time`, and the target frame is
+        located in the fixed frame at `target_time`.
+
+        :param target_time: time of the target frame (ns); 0: the latest time for
+            which every edge between the target frame and the fixed frame has data.
+        :param source_time: time of the source frame (ns); 0: the latest time for
+            which every edge between the source frame and the fixed frame has data.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :returns: the transform from the source frame to the target frame. Its stamp is the time of
+            the target frame.
+        :raises TransformException: if there is no such transform.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        stamp, pose = wait(
+            self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
+            nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
+            fixed_frame)
+        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+
+    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
+                      timeout: Any = 0, return_debug_tuple: bool = False
+                      ) -> Union[bool, tuple[bool, str]]:
+        """
+        Return whether `lookup_transform` would return a transform.
+
+        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+            path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        error = why_not(
+            self._engine, _seconds(timeout), self._engine.lookups.check, target_frame,
+            source_frame, nanoseconds_or_int(time))
+        return debug_tuple(error) if return_debug_tuple else error is None
+
+    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
+                           source_time: Any, fixed_frame: str, timeout: Any = 0,
+                           return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
+        """
+        Return whether `lookup_transform_full` would return a transform.
+
+        :param target_time: time of the target frame (ns); 0: the latest time for
+            which every edge between the target frame and the fixed frame has data.
+        :param source_time: time of the source frame (ns); 0: the latest time for
+            which every edge between the source frame and the fixed frame has data.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        error = why_not(
+            self._engine, _seconds(timeout), self._engine.lookups.check_full, target_frame,
+            nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
+            fixed_frame)
+        return debug_tuple(error) if return_debug_tuple else error is None
+
+    def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
+        """
+        Return the latest time for which every edge on the path between two frames has data.
+
+        :returns: the latest time (ns); 0 if all edges are static. If both frames are the same:
+            the stamp of the newest sample of this frame, or 0 if the frame has no dynamic samples.
+        :raises TransformException: if there is no path.
+        :raises TypeError: if a frame is not a str.
+        """
+        return self._engine.read(
+            self._engine.lookups.latest_common_time, target_frame, source_frame)
+
+
+def _seconds(timeout: Any) -> float:
+    return nanoseconds_or_int(timeout, 'timeout') / SECOND

@@ -1,0 +1,295 @@
+"""Transform listeners like those of tf2_ros: they subscribe to /tf and /tf_static."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from threading import RLock
+from time import monotonic
+from traceback import format_exception
+from typing import Any, Optional, Union
+from weakref import ref
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
+
+from puretf._core.engine import Engine, engine_of
+from puretf._core.hints import Blocked, Surroundings
+from puretf._core.texts import ThrottledLog
+from puretf._ros.graph import blocked_nodes, surroundings
+from puretf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
+from puretf._ros.messages import TFMessage
+from puretf._ros.other_topics import OtherTopics
+from puretf._ros.qos import check_node, profile
+from puretf._ros.rclpy_private import subscribe
+from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
+from puretf._wire import cdr
+from puretf.buffer_core import BufferCore
+from puretf.exceptions import described
+from puretf.transform import Transform
+from puretf.transform_buffer import TransformBuffer
+
+#: Until a listener is so old (s), it may not have discovered all publishers.
+_DISCOVERY = 2.0
+
+
+class TransformListener:
+    """
+    A subscriber to /tf and /tf_static that fills a buffer, as tf2_ros.TransformListener does.
+
+    There are two kinds of listeners. The kind is decided when the listener is created.
+
+    Normally, the listener has its own thread and inserts the messages as bytes. The node need not
+    be spun, a lookup uses every message that has arrived, and a lookup in any callback can wait.
+    New data wake the executor that spins the node, but at most 10 times a second; a future of the
+    buffer that is completed wakes it at once.
+
+    The listener uses two subscriptions of the node, as in tf2_ros, if a subclass overrides
+    `callback` or `static_callback`, if the buffer overrides `set_transform` or
+    `set_transform_static`, or if the buffer is not one of this package. The executor that spins
+    the node then calls `callback` with each message of /tf and `static_callback` with each message
+    of /tf_static. A node that is not spun receives nothing, and a lookup that waits in a callback
+    of a single-threaded executor waits in vain.
+
+    The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
+    """
+
+    def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
+                 qos: Optional[Union[QoSProfile, int]] = None,
+                 static_qos: Optional[Union[QoSProfile, int]] = None,
+                 tf_topic: str = '/tf', tf_static_topic: str = '/tf_static',
+                 static_only: bool = False) -> None:
+        """
+        Subscribe, and start the thread.
+
+        :param buffer: the buffer that is filled, or any object with the methods `set_transform`
+            and `set_transform_static`.
+        :param node: the node that subscribes; its remappings apply.
+        :param spin_thread: True: if the listener uses subscriptions of the node, a thread spins
+            the node. A listener with its own thread needs none, and ignores this.
+        :param qos: the QoS profile of the subscription to /tf. An int is the depth of a reliable,
+            volatile profile. None means the same as the int 100.
+        :param static_qos: the QoS profile of the subscription to /tf_static. An int is the depth
+            of a reliable, transient local profile. None means the same as the int 100.
+        :param static_only: True: subscribe to the topic of static transforms only.
+        """
+        check_node(node, f'{type(self).__name__}(buffer, node)')
+        self.node = node
+        self.group = ReentrantCallbackGroup()
+        #: The number of messages that the listener's own thread could not decode and has dropped.
+        self.malformed = 0
+        self._start = monotonic()
+        self._log = ThrottledLog()
+        self._log.write = get_logger('tf2_listener').warning
+        self._buffer, self._uses_callbacks = buffer, self._needs_callbacks(buffer)
+        #: The engine of the buffer to which the source was added; None if there is none.
+        self._engine: Optional[Engine] = None
+        #: The engine and its generation after the last update by the listener's thread.
+        self._seen: Optional[tuple[Engine, int]] = None
+        #: Held only while `_engine` is replaced; reentrant because a signal handler may end the
+        #: listener meanwhile.
+        self._lock = RLock()
+        #: The subscription to the topic of dynamic transforms; None if `static_only` is True.
+        self.tf_sub = None if static_only else self._subscribe(
+            tf_topic, self.callback, profile(qos, 100))
+        self.tf_static_sub = self._subscribe(
+            tf_static_topic, self.static_callback,
+            profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._other_topics = OtherTopics(
+            node, [each.topic_name for each in self.subscriptions])
+        self._qos_monitors: list[QosMonitor] = []
+        self._thread: NodeThread
+        self._source: Any
+        if self._uses_callbacks:
+            self._thread = SpinThread(node, self.group, self._close)
+            self._source = NoMessages(node.context.ok)
+        else:
+            self._qos_monitors += map(QosMonitor, self.subscriptions)
+            self._thread = ListenerThread(
+                node, self.group, self.tf_static_sub, self.tf_sub, self._work, self._close)
+            self._source = self._create_source(
+                self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
+        self._attach(_engine_or_none(buffer))
+        if spin_thread or not self._uses_callbacks:
+            self._thread.start()
+
+    def _subscribe(self, topic: str, callback: Callable[[TFMessage], None], qos: QoSProfile
+                   ) -> Subscription:
+        if self._uses_callbacks:
+            return self.node.create_subscription(
+                TFMessage, topic, callback, qos, callback_group=self.group)
+        return subscribe(self.node, TFMessage, topic, callback, qos, self.group)
+
+    def _create_source(self, *args: Any) -> SubscriptionSource:
+        return SubscriptionSource(*args)
+
+    def unregister(self) -> None:
+        """Stop listening for good."""
+        try:
+            self._attach(None)
+        finally:
+            self._thread.end()
+
+    @property
+    def subscriptions(self) -> list[Subscription]:
+        """The subscriptions of this listener: static transforms first, then dynamic ones."""
+        return [each for each in (self.tf_static_sub, self.tf_sub) if each is not None]
+
+    @property
+    def buffer(self) -> Any:
+        """
+        The buffer that is filled; it may be replaced at any time.
+
+        A TypeError is raised if the new buffer needs a listener of the other kind.
+        """
+        return self._buffer
+
+    @buffer.setter
+    def buffer(self, buffer: Any) -> None:
+        if buffer is self._buffer:
+            return
+        if self._needs_callbacks(buffer) != self._uses_callbacks:
+            verb = 'calls' if self._uses_callbacks else 'does not call'
+            raise TypeError(
+                f'this listener {verb} the methods set_transform and set_transform_static of its '
+                f'buffer, but {described(buffer)} needs the opposite; create a new listener')
+        self._buffer = buffer
+        self._attach(_engine_or_none(buffer))
+
+    def _needs_callbacks(self, buffer: Any) -> bool:
+        return (_engine_or_none(buffer) is None
+                or _overrides(self, [TransformListener], 'callback', 'static_callback')
+                or _overrides(buffer, [TransformBuffer, BufferCore],
+                              'set_transform', 'set_transform_static'))
+
+    def _attach(self, engine: Optional[Engine]) -> None:
+        """Move the source from the current engine to another; None: only remove it."""
+        with self._lock:
+            if self._thread.must_end:
+                engine = None
+            before, self._engine = self._engine, engine
+        if before is not None:
+            self._detach(before)
+        if engine is not None:
+            engine.look = partial(_surroundings, ref(self))
+            engine.find_blocked = partial(_blocked, ref(self))
+            engine.add_source(self._source)
+            # Another thread may have replaced `_engine` or ended the listener meanwhile.
+            if self._engine is not engine or self._thread.must_end:
+                self._detach(engine)
+
+    def _detach(self, engine: Engine) -> None:
+        engine.remove_source(self._source)
+        engine.after_insertion()
+
+    def _surroundings(self) -> Surroundings:
+        """Return what hints may use: the clock and the publishers."""
+        tree = None if self._engine is None else self._engine.tree
+        has_data = tree is not None and bool(tree.histories)
+        has_dynamic = tree is not None and tree.has_dynamic()
+        around = surroundings(
+            self.node, self.subscriptions, has_data, has_dynamic, self._other_topics.find)
+        return around._replace(is_new=monotonic() < self._start + _DISCOVERY)
+
+    def callback(self, data: TFMessage) -> None:
+        """Insert a message of /tf; called only if the listener uses subscriptions of the node."""
+        for transform in data.transforms:
+            self._buffer.set_transform(self._converted(transform), AUTHORITY)
+
+    def static_callback(self, data: TFMessage) -> None:
+        """Insert a message of /tf_static; called in the same case as `callback`."""
+        for transform in data.transforms:
+            self._buffer.set_transform_static(self._converted(transform), AUTHORITY)
+
+    def _converted(self, message: TransformStamped) -> Union[TransformStamped, Transform]:
+        """Convert a transform to the type that `set_transform` of the buffer takes."""
+        if isinstance(self._buffer, TransformBuffer):
+            return Transform.from_message(message)
+        return message
+
+    def _work(self) -> Round:
+        """Do one round of the listener's thread: insert the messages that have arrived."""
+        for monitor in self._qos_monitors:
+            monitor.check()
+        engine, has_news, is_urgent, pause = self._engine, False, False, 0.0
+        if engine is not None:
+            seen = engine, engine.update()
+            if has_news := seen != self._seen:
+                self._seen = seen
+                try:
+                    is_urgent = engine.after_insertion()
+                except BaseException as error:  # raised by a done callback of a future
+                    self._on_fault(error)
+            pause = self._source.next_pause()
+            if engine.is_awaited:
+                pause = 0.0
+        self._log.flush()
+        return Round(has_news, is_urgent, pause)
+
+    def _on_fault(self, error: BaseException) -> None:
+        """Count malformed messages, and log each kind once; log other errors once a second."""
+        if isinstance(error, cdr.MalformedMessage):
+            self.malformed += 1
+            self._log.warn_once(str(error).partition(':')[0], (
+                f'Dropped a message that cannot be decoded, {error}. Further messages with '
+                'this fault are dropped silently.'))
+        else:
+            self._log.warn_once('error', ''.join(format_exception(error)), 1.0)
+
+    def _close(self) -> None:
+        """Remove the source and destroy the subscriptions; called when the listener ends."""
+        try:
+            self._attach(None)
+        except BaseException as error:  # raised by a done callback of a future
+            self._on_fault(error)
+        self._log.flush()
+        for monitor in self._qos_monitors:
+            monitor.close()
+        for subscription in self.subscriptions:
+            if not self.node.destroy_subscription(subscription):  # the node does not know it
+                subscription.destroy()
+
+
+class StaticTransformListener(TransformListener):
+    """
+    A subscriber to static transforms only, as in newer versions of tf2_ros.
+
+    A program that needs no dynamic transforms saves the cost of receiving them.
+    """
+
+    def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
+                 static_qos: Optional[Union[QoSProfile, int]] = None,
+                 tf_static_topic: str = '/tf_static') -> None:
+        """Subscribe; see `TransformListener` for the parameters."""
+        super().__init__(buffer, node, spin_thread=spin_thread, static_qos=static_qos,
+                         tf_static_topic=tf_static_topic, static_only=True)
+
+
+def _surroundings(reference: ref[TransformListener]) -> Surroundings:
+    listener = reference()
+    return Surroundings() if listener is None else listener._surroundings()
+
+
+def _blocked(reference: ref[TransformListener]) -> Mapping[str, Blocked]:
+    listener = reference()
+    if listener is not None:
+        with suppress(Exception):  # the node is destroyed
+            return blocked_nodes(listener.node)
+    return {}
+
+
+def _engine_or_none(buffer: Any) -> Optional[Engine]:
+    """Return the engine of a buffer; None if it is not a buffer of this package."""
+    try:
+        return engine_of(buffer)
+    except TypeError:
+        return None
+
+
+def _overrides(instance: Any, bases: list[type], *names: str) -> bool:
+    """Return True if a method of one of these names overrides that of the bases."""
+    own = [getattr(base, name) for base in bases for name in names]
+    return any(getattr(getattr(instance, name), '__func__', None) not in own for name in names)

@@ -1,0 +1,150 @@
+"""
+The transforms of many messages as arrays.
+
+The messages are those of `PublisherListener.received` or of `puretf.bag.messages`. For
+statistics, arrays are much faster than the method `rows` of each message.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core.pose import Row
+from puretf._wire.message_reader import Encoding, KnownLayouts, Layout
+
+#: Tables are created when the collected messages take more than `_MOST_BYTES`. A message takes the
+#: size of its data and `_OVERHEAD` (bytes).
+_MOST_BYTES, _OVERHEAD = 2**20, 100
+
+
+class Message(Protocol):
+    """A message that was received or recorded: a `ReceivedMessage` or a `BagMessage`."""
+
+    @property
+    def time(self) -> int:
+        """The time of arrival or of the recording (ns); 0: not known."""
+
+    @property
+    def is_static(self) -> bool:
+        """True if the message is from `/tf_static`."""
+
+    @property
+    def publisher(self) -> str:
+        """An identifier of the publisher."""
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of the message."""
+
+    @property
+    def encoding(self) -> Encoding:
+        """The encoding of the bytes."""
+
+    def rows(self) -> list[Row]:
+        """Return the transforms of the message; raise a ValueError if they are malformed."""
+
+
+class TransformTable(NamedTuple):
+    """The transforms of m messages of one publisher, each of n transforms of the same frames."""
+
+    publisher: str  #: the publisher, as in the messages
+    is_static: bool  #: True if the messages are from `/tf_static`
+    edges: list[tuple[str, str]]  #: n pairs (frame_id, child_frame_id), unchanged
+    times: NDArray[np.int64]  #: (m,) the times of arrival or of the recording (ns); 0: not known
+    stamps: NDArray[np.int64]  #: (m, n) the stamps (ns)
+    #: (m, n, 7) x, y, z (m), quaternion x, y, z, w of any norm
+    poses: NDArray[np.float64]
+
+
+class _Group:
+    """Messages of one publisher and layout, which become one table."""
+
+    def __init__(self, publisher: str, is_static: bool, layout: Layout) -> None:
+        self._publisher, self._is_static, self._layout = publisher, is_static, layout
+        self._times: list[int] = []
+        self._stamps: list[bytes] = []
+        self._poses: list[bytes] = []
+
+    def add(self, time: int, stamps: Iterable[bytes], poses: Iterable[bytes]) -> None:
+        self._times.append(time)
+        self._stamps += stamps
+        self._poses += poses
+
+    def table(self) -> TransformTable:
+        """Convert the messages."""
+        return TransformTable(
+            self._publisher, self._is_static, [*self._layout.edges],
+            np.array(self._times, np.int64),
+            *self._layout.arrays(b''.join(self._stamps), bytearray().join(self._poses)))
+
+
+class _Groups:
+    """The messages that are not converted yet."""
+
+    def __init__(self) -> None:
+        self._layouts: dict[Encoding, KnownLayouts] = {}
+        self._groups: dict[tuple[str, bool, Layout], _Group] = {}
+        self._size = 0
+
+    def add(self, message: Message) -> list[TransformTable]:
+        """Add a message, and return the tables that are complete now; raise MalformedMessage."""
+        if message.encoding not in self._layouts:
+            self._layouts[message.encoding] = KnownLayouts(message.encoding)
+        layouts = self._layouts[message.encoding]
+        data = message.data
+        parts = layouts.read(data)
+        if parts is None:
+            rows = message.rows()
+            parts = layouts.learn(data, rows)
+            if parts is None:
+                return [*self.close(), *(_table_of(message, row) for row in rows)]
+        layout, stamps, poses = parts
+        complete = self.close() if self._size > _MOST_BYTES else []
+        key = message.publisher, message.is_static, layout
+        if key not in self._groups:
+            # Groups with a common child are closed, so that its transforms stay in order.
+            complete += [self._groups.pop(other).table() for other in [*self._groups]
+                         if other[:2] == key[:2] and not other[2].names.isdisjoint(layout.names)]
+            self._groups[key] = _Group(*key)
+        self._groups[key].add(message.time, stamps, poses)
+        self._size += len(data) + _OVERHEAD
+        return complete
+
+    def close(self) -> list[TransformTable]:
+        """Convert all messages."""
+        tables = [group.table() for group in self._groups.values()]
+        self._groups.clear()
+        self._size = 0
+        return tables
+
+
+def transform_tables(messages: Iterable[Message],
+                     on_malformed: Callable[[ValueError], object] = lambda error: None
+                     ) -> Iterator[TransformTable]:
+    """
+    Convert messages to tables.
+
+    The transforms of each child from one publisher on one topic stay in order. The order of other
+    transforms may change.
+
+    :param messages: the messages, in the order of their arrival.
+    :param on_malformed: called with the error of each message that cannot be decoded.
+    :returns: an iterator over the tables. In a table, each frame is the child of one edge only.
+    """
+    groups = _Groups()
+    for message in messages:
+        try:
+            complete = groups.add(message)
+        except ValueError as error:
+            on_malformed(error)
+            continue
+        yield from complete
+    yield from groups.close()
+
+
+def _table_of(message: Message, row: Row) -> TransformTable:
+    return TransformTable(
+        message.publisher, message.is_static, [(row.frame_id, row.child_frame_id)],
+        np.array([message.time]), np.array([[row.stamp_ns]]), np.array([[row.pose]]))

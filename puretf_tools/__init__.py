@@ -1,0 +1,1 @@
+"""Commands for any TF, what they share, and the page in the browser."""

@@ -1,0 +1,155 @@
+"""Start, spin and destroy the node of a command."""
+
+from _thread import interrupt_main
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+import sys
+from threading import Event, Thread
+
+import rclpy
+from rclpy.exceptions import InvalidNamespaceException, ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
+from rclpy.validate_namespace import validate_namespace
+
+from puretf.formatting import namespace_path
+from puretf_tools.cli.fast_dds import destroy, remove_unfinished_ports
+from puretf_tools.cli.parser import CommandError, rcl_error_text, UsageError
+from puretf_tools.cli.signals import begin_cleanup, end_cleanup, signal_received
+
+#: The timeout of `spin_once` (s), which a recorded signal does not end.
+_LONGEST_WAIT = 0.2
+
+
+def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: str = '') -> int:
+    """
+    Run a node until a signal or a shutdown of the context; return the exit code.
+
+    :param make_node: creates the node; it may raise a UsageError.
+    :param ros_args: the command line, with the name of the command.
+    :param namespace: the namespace of the node and of the topics /tf and /tf_static; '': none.
+    :raises UsageError: if a parameter in the ROS arguments, or the namespace, is invalid.
+    :raises CommandError: if ROS cannot be initialised, or if the node cannot be created.
+    """
+    with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
+        _spin_until_signal(create(make_node))
+    return 0
+
+
+@contextmanager
+def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
+    """Initialise ROS for a `with` block, then shut it down; raise the errors of `run_node`."""
+    # The first rule that fits a name is used, so the user's own rules come first.
+    arguments = [*ros_args, *_namespace_args(namespace)]
+    clear_shared_memory(ros_args)
+    try:
+        # The signal handlers of rclpy would shut down the context while a node is using it.
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except UnicodeEncodeError as error:
+        raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
+    except RuntimeError as error:  # rcl failed, for example because ROS_DOMAIN_ID is invalid
+        raise CommandError(rcl_error_text(error)) from None
+    try:
+        yield
+    finally:
+        try_shutdown()
+        end_cleanup()
+
+
+def clear_shared_memory(ros_args: Sequence[str]) -> None:
+    """Remove the files in shared memory with which ROS would hang; print a line for each."""
+    for line in remove_unfinished_ports():
+        print(f'{ros_args[0]}: warning: {line}', file=sys.stderr)
+
+
+@contextmanager
+def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> Iterator[Node]:
+    """
+    Initialise ROS and spin a node in a thread until the end of the `with` block.
+
+    An error of the executor interrupts the block like Ctrl-C, and then becomes a CommandError;
+    other errors are as those of `run_node`.
+    """
+    with ros_context(ros_args, namespace):
+        node, stop_requested = create(lambda: rclpy.create_node(name)), Event()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        errors: list[BaseException] = []
+
+        def spin() -> None:
+            try:
+                while not stop_requested.is_set():
+                    executor.spin_once(timeout_sec=_LONGEST_WAIT)
+            except BaseException as error:
+                if not stop_requested.is_set():
+                    errors.append(error)
+                    interrupt_main()  # without this, the command would go on with old data
+
+        thread = Thread(target=spin, name=f'spin of {name}')
+        thread.start()
+        try:
+            yield node
+        except KeyboardInterrupt:
+            if not errors:
+                raise
+        finally:
+            begin_cleanup()
+            stop_requested.set()
+            executor.wake()
+            thread.join()
+            executor.shutdown()
+            destroy(node)
+        if errors:
+            raise CommandError(f'the node stopped, because its executor raised '
+                               f'{type(errors[0]).__name__}: {errors[0]}') from errors[0]
+
+
+def create(make_node: Callable[[], Node]) -> Node:
+    """Create a node; an error of rcl becomes a CommandError, one of parameters a UsageError."""
+    try:
+        return make_node()
+    except ParameterException as error:
+        raise UsageError(rcl_error_text(error)) from None
+    except RuntimeError as error:  # rcl failed, for example because the middleware did
+        middleware = get_rmw_implementation_identifier()
+        limit = ('. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes'
+                 if middleware == 'rmw_cyclonedds_cpp' else '')
+        raise CommandError(f'cannot create the node: {rcl_error_text(error)}. Lines above may be '
+                           f'from {middleware}, and say why{limit}') from None
+
+
+def _namespace_args(namespace: str) -> list[str]:
+    """Return ROS arguments that put nodes, /tf and /tf_static into a namespace; '': none."""
+    path = namespace_path(namespace)
+    if not path:
+        return []
+    if '__' in path:
+        raise UsageError(f"Invalid namespace: namespace must not contain '__', got {namespace!r}")
+    try:
+        validate_namespace(path)
+    except InvalidNamespaceException as error:
+        reason = str(error).splitlines()[0].removesuffix(':')
+        raise UsageError(f'{reason}, got {namespace!r}') from None
+    except TypeError:
+        raise UsageError(f'the argument {namespace!r} must be valid Unicode') from None
+    return ['--ros-args', '-r', f'__ns:={path}', '-r', f'/tf:={path}/tf',
+            '-r', f'/tf_static:={path}/tf_static']
+
+
+def _spin_until_signal(node: Node) -> None:
+    executor = SingleThreadedExecutor()
+    try:
+        executor.add_node(node)
+        while not signal_received():
+            executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    except RuntimeError:
+        if node.context.ok():
+            raise
+        # A callback or another thread has shut down the context, so rcl failed.
+    finally:
+        begin_cleanup()
+        # If the context were shut down first, the garbage collection of the executor could fail.
+        executor.shutdown()
+        destroy(node)

@@ -1,0 +1,177 @@
+"""The options, errors and exit codes that the commands share; this module works without ROS."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from decimal import Context, Inexact, InvalidOperation
+from math import isfinite
+import os
+import re
+import signal
+import sys
+from typing import Any, NoReturn, Optional
+
+from puretf.formatting import near_names, SECOND, visible
+from puretf_tools.cli.signals import record_signals, signal_received
+
+#: Decimal arithmetic that raises an exception instead of rounding.
+_EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
+
+
+class UsageError(ValueError):
+    """An invalid argument or parameter: exit code 2. The text says what is allowed."""
+
+
+class CommandError(Exception):
+    """A failure: exit code 1. The text gives the reason, and perhaps a remedy."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that accepts negative numbers in any notation and prints errors in one line."""
+
+    def __init__(self, prog: str, description: str, epilog: str = '', **kwargs: Any) -> None:
+        super().__init__(prog=prog, description=description, epilog=epilog, allow_abbrev=False,
+                         formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+        # With the pattern of argparse, -1e-3 and -nan would be options instead of numbers.
+        self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
+        #: Rewrites the arguments before they are parsed.
+        self.prepare: Callable[[list[str]], list[str]] = list
+
+    def error(self, message: str) -> NoReturn:
+        """Print an error and the usage in one line on stderr, and exit with code 2."""
+        for argument in message.removeprefix('unrecognized arguments: ').split():
+            name = argument.split('=')[0]
+            near = [*(option for option in self._option_string_actions if option.startswith(name)),
+                    *near_names(name, self._option_string_actions, 0.75)]
+            if near and name.startswith('--') and message.startswith('unrecognized'):
+                message = f'{message} (did you mean {near[0]}?)'
+        usage = ' '.join(self.format_usage().split())
+        self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
+
+
+def add_namespace_option(parser: argparse.ArgumentParser, what: str, *topics: str) -> None:
+    """Add `--namespace`; the help says what the command does with the topics (default: TF's)."""
+    parser.add_argument('--namespace', default='', metavar='NAME',
+                        help=f'{what} ' + ' and '.join(
+                            f'/NAME/{topic}' for topic in topics or ('tf', 'tf_static')))
+
+
+def number(text: str) -> float:
+    """Convert an argument to a finite number."""
+    try:
+        value = float(text.replace('_', '?'))  # float would read '1_0' as 10
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number') from None
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f'{text!r} is not finite')
+    return value
+
+
+def seconds(text: str) -> int:
+    """Convert an argument in s to a time in ns, from 0 to 2**63 - 1, without rounding."""
+    try:
+        time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
+        if not 0 <= time < 2**63 or time != int(time):
+            raise ValueError
+    except (ArithmeticError, ValueError):
+        raise argparse.ArgumentTypeError(
+            f'{text!r} must be a time in s, from 0 to 9223372036, with at most 9 digits after the '
+            'point') from None
+    return int(time)
+
+
+#: How long the commands listen by default, and at most (s).
+DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
+
+
+def listening_time(given: Optional[float]) -> float:
+    """Return how long a command listens (s); None: the default."""
+    time = DEFAULT_TIME if given is None else given
+    if not 0.0 < time <= _LONGEST_TIME:
+        raise UsageError(f'the time to listen must be more than 0 s, and at most '
+                         f'{_LONGEST_TIME:g} s, got {time:g}')
+    return time
+
+
+def run(parser: Parser, command: Callable[..., int],
+        args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
+    """
+    Parse the arguments, run a command, print its error in one line, and return its exit code.
+
+    :param command: gets the parsed arguments by keyword, and `ros_args`, the command line with the
+        name of the command. It returns the exit code, and may raise UsageError or CommandError.
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
+    :param interrupted: the exit code if a signal ends the command, unless it has the option
+        `--bag`, or if the program that reads its output has ended.
+    """
+    arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
+    handlers, bag = record_signals(), None
+    try:
+        given = _without_ros_args(arguments)[1:]
+        if given.count('--') > 1:  # before Python 3.12.7, argparse drops more (gh-81691)
+            parser.error('-- can be given only once')
+        options = parser.parse_args(parser.prepare(given))
+        bag = vars(options).get('bag')
+        _make_writable()
+        return command(ros_args=arguments, **vars(options))
+    except KeyboardInterrupt:
+        if number := bag and (signal_received() or signal.SIGINT):
+            print(f'{parser.prog}: ended early by {signal.Signals(number).name}', file=sys.stderr)
+        return 128 + number if number else interrupted
+    except BrokenPipeError:  # for example, the output is piped to `head`, which has ended
+        _close_stdout()
+        return interrupted
+    except (UsageError, CommandError) as error:
+        print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
+        return 2 if isinstance(error, UsageError) else 1
+    except OSError as error:
+        _close_stdout()
+        print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
+        return 1
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _make_writable() -> None:
+    """Flush each line, escape characters that cannot be encoded, and replace closed streams."""
+    for name in 'stdout', 'stderr':
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115
+        getattr(sys, name).reconfigure(line_buffering=True, errors='backslashreplace')
+
+
+def _close_stdout() -> None:
+    """Redirect stdout to the null device, so that flushing it at exit does not fail."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _without_ros_args(arguments: list[str]) -> list[str]:
+    try:
+        from rclpy.utilities import remove_ros_args
+    except ImportError:
+        return _without_ros_args_by_hand(arguments)
+    try:
+        return list(remove_ros_args(arguments))
+    except UnicodeEncodeError:  # for example, the path of a file; see also ros_context
+        return _without_ros_args_by_hand(arguments)
+    except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
+        text = rcl_error_text(error)
+        raise UsageError(f'unknown ROS arguments: {text}' if text.startswith('[') else text
+                         ) from None
+
+
+def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
+    rest, is_for_ros = [], False
+    for argument in arguments:
+        if argument == '--ros-args':
+            is_for_ros = True
+        elif not is_for_ros:
+            rest.append(argument)
+        elif argument == '--':
+            is_for_ros = False
+    return rest
+
+
+def rcl_error_text(error: Exception) -> str:
+    """Return the first line of an rcl error, without locations in rcl's source code."""
+    return re.sub(r', at \S+:\d+.*', '', str(error).partition('\n')[0])

@@ -1,0 +1,66 @@
+"""Progress bars on a terminal, and a wait with a progress bar."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+import sys
+import time
+from typing import Any
+
+from puretf_tools.cli.signals import wait_until
+
+#: The format of a bar over a time (s).
+BAR = '{desc} {bar} {n:.1f} of {total:g} s'
+#: On a busy computer, discovery can take this long (s): Fast DDS announces itself every 3 s.
+DISCOVERY = 7.0
+
+
+@contextmanager
+def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]:
+    """
+    Show a bar if stderr is a terminal and `tqdm` is installed.
+
+    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3.
+
+    :param kwargs: arguments of `tqdm.tqdm`, such as `desc`.
+    """
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        tqdm = None
+    if tqdm is None or not sys.stderr:
+        yield lambda done: None
+        return
+    kwargs.setdefault('disable', None)  # unless stderr is a terminal
+    with tqdm(total=total, leave=False, **kwargs) as bar:
+        yield lambda done: bar.update(done - bar.n)
+
+
+def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:
+    """Wait as `wait_until` does, with a bar; by default, for the whole time."""
+    start = time.monotonic()
+    with progress(seconds, desc=what, bar_format=BAR) as show:
+        def holds() -> bool:
+            show(min(seconds, time.monotonic() - start))
+            return bool(until())
+
+        return wait_until(seconds, holds)
+
+
+def listen(seconds: float, has_received: Callable[[], object],
+           poll: Callable[[], object] = lambda: None) -> float:
+    """
+    Wait for the first transform, and then for some time (s); a signal ends the wait early.
+
+    If nothing is received within the larger of `seconds` and 7 s, the wait ends.
+
+    :param poll: called every 0.05 s, and once more at the end.
+    :returns: how long it has waited (s), since the first transform if one was received.
+    """
+    start = time.monotonic()
+    with suppress(KeyboardInterrupt):
+        if wait(max(DISCOVERY, seconds), 'waiting for transforms',
+                lambda: poll() or has_received()):
+            start = time.monotonic()
+            wait(seconds, 'listening', lambda: poll() and False)
+    poll()
+    return time.monotonic() - start

@@ -1,0 +1,45 @@
+"""The command `joint_state_publisher`: publish the positions of joints, set by sliders."""
+
+from collections.abc import Sequence
+from typing import Optional
+
+from puretf_tools.cli.node import spinning_node
+from puretf_tools.cli.page_options import add_page_options, HOST
+from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
+from puretf_tools.robot.description import DescriptionError, parse, read
+from puretf_tools.robot.descriptions import TOPIC
+
+
+def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = None,
+            meshes: Sequence[str] = (), namespace: str = '', *, ros_args: Sequence[str] = ()
+            ) -> int:
+    """Publish the joints of a file, or of the topic robot_description, until a signal."""
+    try:
+        description = None if file is None else parse(read(file))
+    except DescriptionError as error:
+        raise UsageError(str(error)) from None
+    from puretf_tools.view.feed import LiveFeed
+    from puretf_tools.view.joint_control import JointStatePublisher
+    from puretf_tools.view.page import show
+    with spinning_node('joint_state_publisher', ros_args, namespace) as node:
+        # With a file, what the network sends is not parsed.
+        descriptions = {node.resolve_topic_name(TOPIC): description} if description else None
+        show(LiveFeed(node, JointStatePublisher(node, description), descriptions), host, port,
+             meshes)
+    return 0
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`."""
+    parser = Parser(
+        'joint_state_publisher', 'Publish the positions of the joints of a robot on joint_states, '
+        'until Ctrl-C. Sliders on\na page in the browser set them.',
+        'parameters, set by --ros-args -p NAME:=VALUE:\n'
+        '  rate          rate of the messages (Hz; 0.1 to 1000; default 10)\n'
+        '  use_sim_time  take the time from /clock (default false)\n\n'
+        'examples: joint_state_publisher\n          joint_state_publisher my_robot.urdf')
+    parser.add_argument('file', nargs='?', help='a URDF file, or a .xacro file if xacro is '
+                        'installed (default: the description on robot_description)')
+    add_page_options(parser)
+    add_namespace_option(parser, 'use', 'tf', 'tf_static', 'joint_states', 'robot_description')
+    return run(parser, command, args)

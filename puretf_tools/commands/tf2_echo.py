@@ -1,0 +1,142 @@
+"""The command `tf2_echo`: print the transform between two frames repeatedly."""
+
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
+from math import degrees
+from time import monotonic
+from typing import Optional
+
+from puretf import Transform, TransformException
+from puretf.exceptions import tf2_words
+from puretf.formatting import exact_time, SECOND, shortened, visible_lines
+from puretf.rotations import euler_from_quaternion
+from puretf_tools.cli.bag_options import add_bag_options, read_bag
+from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
+from puretf_tools.cli.signals import sleep
+from puretf_tools.inspection.terminal import fixed_point, Once
+
+RATE = 1.0  # Hz
+PRECISION = 3
+_MAX_DIGITS = 17
+#: While the transform is not available: the interval between two log lines (s), and the interval
+#: between two checks for the transform (s).
+_LOG_PERIOD, _LOOKUP_PERIOD = 1.0, 0.05
+
+
+def format_transform(transform: Transform, precision: int = PRECISION) -> str:
+    """
+    Format a transform like tf2_echo of tf2_ros.
+
+    But nanoseconds have leading zeros, angles are right at gimbal lock, and zero has no minus.
+    """
+    roll_pitch_yaw = euler_from_quaternion(transform.rotation)
+    lines = [
+        f'At time {exact_time(transform.stamp)}',
+        f'- Translation: {_bracketed(transform.translation, precision)}',
+        f'- Rotation: in Quaternion {_bracketed(transform.rotation, precision)}',
+        f'- Rotation: in RPY (radian) {_bracketed(roll_pitch_yaw, precision)}',
+        f'- Rotation: in RPY (degree) {_bracketed([*map(degrees, roll_pitch_yaw)], precision)}',
+        '- Matrix:']
+    lines += [''.join(f' {fixed_point(value, precision):>{precision + 3}}' for value in row)
+              for row in transform.matrix().tolist()]
+    return '\n'.join(lines)
+
+
+def _bracketed(values: Sequence[float], precision: int) -> str:
+    return f'[{", ".join(fixed_point(value, precision) for value in values)}]'
+
+
+def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = None,
+            rate: Optional[float] = None, time: int = 0, precision: int = PRECISION,
+            once: bool = False, bag: Optional[Sequence[str]] = None, namespace: str = '',
+            partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
+    """
+    Print the pose of the target frame in the source frame.
+
+    Compared with `lookup_transform`, the names of the two frames are swapped.
+    """
+    source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
+    if not source_frame or not target_frame:
+        raise UsageError('a frame must have a name')
+    rates = [given for given in (echo_rate, rate) if given is not None]
+    if len(rates) == 2:
+        raise UsageError('the rate is given twice')
+    if bag is not None and rates:
+        raise UsageError('with --bag, the transform is printed once: leave out the rate')
+    hertz = rates[0] if rates else RATE
+    if hertz <= 0.0:
+        raise UsageError(f'the rate must be more than 0 Hz, got {hertz:g}')
+    if not 0 <= precision <= _MAX_DIGITS:
+        raise UsageError(f'the precision must be from 0 to {_MAX_DIGITS} digits, got {precision}')
+    if buffer := read_bag(bag, namespace, partial):
+        try:
+            transform = buffer.lookup_transform(source_frame, target_frame, time)
+        except TransformException as error:
+            raise CommandError(str(error)) from None
+        print(format_transform(transform, precision))
+        return 0
+    return _echo(source_frame, target_frame, hertz, time, precision, once, ros_args, namespace)
+
+
+def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precision: int,
+          is_once: bool, ros_args: Sequence[str], namespace: str) -> int:
+    from rclpy.time import Time
+
+    from puretf_tools.cli.node import spinning_node
+    from puretf_tools.inspection.frame_listener import FrameListener
+    with spinning_node('tf2_echo', ros_args, namespace) as node:
+        frame_listener = FrameListener(node)
+        buffer = frame_listener.buffer
+        say = Once()
+        while why := frame_listener.why_no_transform(source_frame, target_frame, time, say):
+            node.get_logger().info(
+                f'Waiting for transform {shortened(source_frame)} ->  {shortened(target_frame)}: '
+                f'{visible_lines(why)}')
+            next_log = monotonic() + _LOG_PERIOD
+            while monotonic() < next_log and not buffer.can_transform(
+                    source_frame, target_frame, Time(nanoseconds=time)):
+                sleep(_LOOKUP_PERIOD)
+        while True:
+            try:
+                print(format_transform(Transform.from_message(buffer.lookup_transform(
+                    source_frame, target_frame, Time(nanoseconds=time))), precision))
+                if is_once:
+                    return 0
+                say = Once()
+            except TransformException as error:
+                words = tf2_words(error)
+                frames = buffer.all_frames_as_string()
+                print(visible_lines(
+                    f'Failure at {frame_listener.now() / SECOND:.3f}\n'
+                    f'Exception thrown:{say(str(error), words)}\n'
+                    f'The current list of frames is:\n{frames}'))
+            sleep(1.0 / hertz)
+
+
+def digits(text: str) -> int:
+    value = number(text)
+    if value != int(value):
+        raise ArgumentTypeError(f'{text!r} is not a whole number')
+    return int(value)
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command with some arguments, or those of the command line."""
+    parser = Parser(
+        'tf2_echo', 'Repeatedly print the transform to get data from target_frame into '
+        'source_frame: the pose of target_frame in source_frame.',
+        'examples: tf2_echo map base_link\n          tf2_echo map base_link 10\n'
+        '          tf2_echo map base_link --once -p 6\n'
+        '          tf2_echo --bag robot.mcap map base_link -t 1795204940.25')
+    parser.add_argument('source_frame')
+    parser.add_argument('target_frame')
+    parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
+                        help=f'how often to print the transform (Hz; default: {RATE:g})')
+    parser.add_argument('-r', '--rate', type=number, help='the rate (Hz), as an option')
+    parser.add_argument('-t', '--time', type=seconds, default=0,
+                        help='time of the transform (s; default: 0, the latest)')
+    parser.add_argument('-p', '--precision', type=digits, default=PRECISION, metavar='DIGITS',
+                        help='digits after the point (default: %(default)s)')
+    parser.add_argument('--once', action='store_true', help='print the transform once, then exit')
+    add_bag_options(parser)
+    return run(parser, command, args)

@@ -1,0 +1,174 @@
+"""The command `tf2_monitor`: print the rates and delays of received transforms repeatedly."""
+
+from collections.abc import Iterator, Sequence
+from typing import Optional, TYPE_CHECKING
+
+from puretf import TransformException
+from puretf.formatting import SECOND, shortened, visible
+from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
+from puretf_tools.cli.signals import sleep
+from puretf_tools.inspection.terminal import (
+    column_width,
+    is_terminal,
+    Once,
+    padded,
+    show,
+    width,
+    wrapped,
+)
+from puretf_tools.inspection.traffic import Delays, NodeTraffic, summarize, Traffic, WINDOW
+
+if TYPE_CHECKING:
+    from puretf_tools.inspection.frame_listener import FrameListener
+
+#: The interval between two outputs (s), and how often messages are collected in each interval.
+_REFRESH, _SAMPLES = 1.0, 20
+
+
+class Chain:
+    """The path between two frames, and its delay: the age of the newest time with all its data."""
+
+    def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
+        self._frame_listener, self.ends = frame_listener, ends
+        self._say = Once(is_terminal())
+        self._ages = Delays()
+        self._latest = 0  #: the time of the last call of `sample` (ns)
+        self._common = 0  #: the newest time (ns) with data of the whole path; 0: it is static
+        #: After a jump back in time, until the buffer is cleared: `_common` before it.
+        self._stale = 0
+
+    def sample(self) -> None:
+        """Count the current delay, if it is known; after a jump back in time, begin again."""
+        now, before = self._frame_listener.now(), self._latest
+        self._latest = now
+        if now < before - SECOND:
+            self._ages.clear()
+            self._stale = self._common
+        try:
+            buffer = self._frame_listener.buffer
+            self._common = buffer.get_latest_common_time(*self.ends).nanoseconds
+        except TransformException:  # `lines` reports the error
+            return
+        if now < self._stale <= self._common:  # the buffer is not cleared yet
+            return
+        self._stale = 0
+        if self._common and now:  # now is 0 while no message has arrived on /clock
+            self._ages.add(now, now - self._common)
+
+    def frames(self) -> list[str]:
+        """Return the frames from the first to the last; none if there is no path."""
+        first, last = self.ends
+        try:
+            return self._frame_listener.buffer.chain(last, first)
+        except TransformException:
+            return []
+
+    def lines(self) -> list[str]:
+        first, last = self.ends
+        if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
+            return wrapped(f'Waiting for transform {shortened(first)} ->  {shortened(last)}: '
+                           f'{visible(why)}')
+        age = summarize([self._ages], self._frame_listener.now())
+        return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
+                'Net delay     none: all transforms are static, or the time is not known'
+                if age is None else
+                f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
+
+
+def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
+    """Return a warning for each frame with several publishers, and tables of frames and nodes."""
+    frames = [row for row in rows if row.frame]
+    nodes = [row for row in rows if not row.frame]
+    publishers: dict[str, list[str]] = {}
+    for row in frames:
+        if row.is_present and (row.is_static or row.summary is not None):
+            publishers.setdefault(row.frame, []).append(row.node)
+    return [
+        *(f'Warning: {shortened(frame)} is published by {" and ".join(map(shortened, several))}; '
+          'a frame should have one publisher'
+          for frame, several in publishers.items() if len(several) > 1),
+        '', *_table('Frames:', 'published by', frames), '',
+        *_table('All Broadcasters:', 'node', nodes)]
+
+
+def _table(title: str, node_title: str, rows: Sequence[NodeTraffic]) -> Iterator[str]:
+    names = [f'  {shortened(row.frame)}' for row in rows]
+    columns = column_width([len(title), *map(width, names)])
+    yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {node_title}'
+    for name, row in zip(names, rows):
+        yield (f'{padded(name, columns)}{_rate_and_delays(row)}  '
+               f'{shortened(row.node)}{" (gone)" if row.is_present is False else ""}')
+
+
+def _rate_and_delays(row: NodeTraffic) -> str:
+    """Return a text of at least 41 columns."""
+    if row.is_static:
+        return f'{"static":>11}{"":30}'
+    if row.summary is None:
+        silence = row.silence
+        last = '' if silence is None else f'last received {silence:.1f} s ago'
+        return f'{last:>41}'
+    rate, average, maximum = row.summary
+    hertz = '?' if rate is None else f'{rate:.1f}'
+    return f'{hertz:>8} Hz {average:13.6f} s {maximum:11.6f} s'
+
+
+def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None,
+            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
+    """Print the rates and delays of received transforms every second, until Ctrl-C."""
+    ends = tuple(name.removeprefix('/') for name in (source_frame, target_frame)
+                 if name is not None)
+    if len(ends) == 1 or not all(ends):
+        raise UsageError('give two frames, or none to monitor all frames')
+    from puretf_tools.cli.node import spinning_node
+    from puretf_tools.inspection.frame_listener import FrameListener
+    with spinning_node('tf2_monitor', ros_args, namespace) as node:
+        traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
+        frame_listener, say = FrameListener(node), Once(is_terminal())
+        chain = Chain(frame_listener, (ends[0], ends[1])) if len(ends) == 2 else None
+        while True:
+            dropped = 0
+            for _ in range(_SAMPLES):
+                messages, newly_dropped = frame_listener.publisher_listener.received()
+                traffic.observe(messages)
+                dropped += newly_dropped
+                if chain is not None:
+                    chain.sample()
+                sleep(_REFRESH / _SAMPLES)
+            show(_results(frame_listener, traffic, chain, dropped, say))
+
+
+def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
+             dropped: int, say: Once) -> list[str]:
+    rows = traffic.by_node(frame_listener.publisher_listener)
+    if not rows:
+        return wrapped(frame_listener.nothing_received(say))
+    ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))
+    lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
+    if not frame_listener.now():
+        lines += wrapped('Warning: use_sim_time is set, but no message has arrived on /clock: '
+                         'delays are not known')
+    if hint := frame_listener.topics_hint():
+        lines += wrapped(f'Warning: {hint}')
+    if dropped:
+        lines += wrapped(f'Warning: {dropped} messages arrived too fast to be counted')
+    if chain is not None:
+        lines += chain.lines()
+        if names := chain.frames():
+            nodes = {row.node for row in rows if row.frame in names}
+            rows = [row for row in rows if row.frame in names
+                    or (not row.frame and row.node in nodes)]
+    return [*lines, *format_traffic(rows)]
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command with some arguments, or those of the command line."""
+    parser = Parser(
+        'tf2_monitor', 'Print the rate and the delay of the transforms of each frame and each '
+        'node every second. If two frames are named, print only the frames and nodes on the path '
+        'between these frames, and the net delay of the path.',
+        'examples: tf2_monitor\n          tf2_monitor map end_effector')
+    parser.add_argument('source_frame', nargs='?')
+    parser.add_argument('target_frame', nargs='?')
+    add_namespace_option(parser, 'listen to')
+    return run(parser, command, args)

@@ -1,0 +1,436 @@
+"""The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial as partial_function
+from itertools import chain
+import json
+from multiprocessing import active_children, get_context, resource_tracker
+import sys
+import threading
+import time
+from typing import Any, Optional, TYPE_CHECKING
+
+from puretf.bag import messages, NOT_RECORDED, read, recordings
+from puretf.formatting import (
+    exact_time,
+    in_seconds,
+    SECTION_NAMES,
+    suggest_names,
+    TF_MESSAGE,
+    visible,
+)
+from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
+from puretf_tools.cli.parser import (
+    DEFAULT_TIME,
+    listening_time,
+    number,
+    Parser,
+    run,
+    seconds,
+    UsageError,
+)
+from puretf_tools.cli.progress import listen, progress
+from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
+from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
+from puretf_tools.doctor.explanation import explain, Explanation
+from puretf_tools.doctor.observation import Endpoint, in_words, Observation
+from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
+from puretf_tools.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
+from puretf_tools.doctor.troubleshooting import find, section
+from puretf_tools.inspection.feeds import OtherTopic
+from puretf_tools.inspection.terminal import column_width, wrapped
+from puretf_tools.inspection.traffic import SETTLING
+from puretf_tools.robot.observed import RobotListener, robots_in_bag
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rclpy.node import Node
+
+#: For the path between two frames, the buffer keeps transforms for this time more than the command
+#: listens (s).
+_MARGIN = 5.0
+#: The time between two looks at the processes that examine bags (s).
+_POLL = 0.05
+
+
+def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int = 0,
+            duration: Optional[float] = None, as_json: bool = False,
+            ignore: Sequence[str] = (), list_codes: bool = False,
+            bag: Optional[Sequence[str]] = None, namespace: str = '', partial: bool = False,
+            jobs: Optional[int] = None, words: Optional[Sequence[str]] = None, *,
+            ros_args: Sequence[str] = ()) -> int:
+    """Print what is wrong with the transforms, or explain the path between two frames."""
+    ends = [name.removeprefix('/') for name in (frame_a, frame_b) if name is not None]
+    if len(ends) == 1 or not all(ends):
+        raise UsageError('give two frames to explain the path between them, or none to check '
+                         'everything')
+    if t and not ends:
+        raise UsageError('-t needs two frames')
+    try:
+        check_codes(ignore)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    if bag is not None and duration is not None:
+        raise UsageError('--time is for listening: leave it out with --bag')
+    check_bag_options(bag, partial)
+    if jobs is not None and (bag is None or ends or jobs < 1):
+        raise UsageError(f'--jobs must be at least 1, got {jobs}' if jobs < 1 else
+                         '--jobs is for examining bags, with --bag and without frames')
+    duration = listening_time(duration)
+    if list_codes:
+        for check in CHECKS.values():
+            print(f'{check.code} ({check.severity})',
+                  *wrapped(f'{check.meaning} {check.remedy}', '    '), sep='\n')
+        return 0
+    if words is not None:
+        _print_sections(' '.join(words))
+        return 0
+    if ends:
+        explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
+                       if bag is None else
+                       _explain_bag((ends[0], ends[1]), t, bag, namespace, partial))
+        print(json.dumps(_explanation_data(explanation), indent=2) if as_json else explanation)
+        return int(bool(explanation.why_not))
+    if bag is not None:
+        return _examine_bags(bag, jobs or 1, as_json, partial_function(
+            examine_bag, ignore=ignore, namespace=namespace, partial=partial,
+            read_robots=robots_in_bag))
+    report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
+    print(json.dumps(report.as_dict(), indent=2) if as_json else report)
+    return int(report.has_errors)
+
+
+def _print_sections(words: str) -> None:
+    """Print sections of docs/troubleshooting.md, or without words, the names of all."""
+    if not words.strip():
+        columns = column_width(map(len, SECTION_NAMES.values()))
+        for heading, name in SECTION_NAMES.items():
+            print(f'{name:{columns}}  {heading}')
+        return
+    headings = find(words)
+    if not headings:
+        names = (*SECTION_NAMES.values(), *CHECKS)
+        raise UsageError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
+    print('\n\n'.join('\n'.join(section(heading)) for heading in headings))
+
+
+def _explanation_data(explanation: Explanation) -> dict[str, Any]:
+    return {'frames': explanation.ends, 'time': explanation.stamp, 'roots': explanation.roots,
+            'why_not': explanation.why_not,
+            'path': [{**frame._asdict(), 'refusal': explanation.refusals[frame.name]}
+                     for frame in explanation.path]}
+
+
+# Bags
+
+
+def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
+                  examine_one: Callable[..., dict[str, Any]]) -> int:
+    """Print a report for each recording, in their order; return the exit code."""
+    found = recordings(bag)
+    healthy = faulty = unreadable = 0
+    for result in _results(found, jobs, examine_one):
+        is_faulty = any(each['severity'] == ERROR for each in result.get('findings', ()))
+        unreadable += 'error' in result
+        faulty += is_faulty
+        healthy += not ('error' in result or is_faulty)
+        if as_json:
+            print(json.dumps(result))
+        elif 'error' in result:
+            print(f'tf_doctor: {visible(result["error"])}', file=sys.stderr)
+        else:
+            report = Report([Finding(**each) for each in result['findings']],
+                            result['topics'], result['not_checked'], result['verdict'])
+            print(report, end='\n\n' if len(found) > 1 else '\n')
+    if len(found) > 1:
+        print(f'{len(found)} bags: {healthy} without errors, {faulty} with errors, {unreadable} '
+              'not readable', file=sys.stderr)
+    return int(faulty + unreadable > 0)
+
+
+def _results(found: Sequence[Sequence['Path']], jobs: int,
+             examine_one: Callable[..., dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Examine recordings in this process or in several, with a bar; yield the results in order."""
+    if len(found) == 1:
+        with bag_progress([str(found[0][0])]) as on_progress:
+            yield examine_one(found[0], on_progress=on_progress)
+        return
+    with progress(len(found), desc='examining bags', unit='bag') as show:
+        if jobs == 1:
+            for number, paths in enumerate(found):
+                show(number)
+                yield examine_one(paths, on_progress=lambda done: check_signals())
+            return
+        # Each thread waits for a process of its own, so that a process that is killed costs only
+        # one result. A forked process could hold locks of threads that it does not have.
+        local = threading.local()
+
+        def examine_in_process(paths: Sequence['Path']) -> dict[str, Any]:
+            if not hasattr(local, 'executor'):
+                local.executor = ProcessPoolExecutor(1, get_context('spawn'))
+            try:
+                result: dict[str, Any] = local.executor.submit(examine_one, paths).result()
+                return result
+            except BrokenExecutor:
+                del local.executor
+                return {'bag': str(paths[0]),
+                        'error': f'the process that read {paths[0]} was killed, perhaps for lack '
+                                 'of memory: use fewer --jobs'}
+
+        if sys.platform != 'win32':  # the thread that starts it would unblock signals
+            resource_tracker.ensure_running()
+        with ThreadPoolExecutor(min(jobs, len(found))) as executor:
+            with signals_blocked():  # in the threads and the processes; this thread ends them
+                futures = [executor.submit(examine_in_process, paths) for paths in found]
+            try:
+                for future in futures:
+                    while not future.done():
+                        show(sum(each.done() for each in futures))
+                        sleep(_POLL)
+                    yield future.result()
+            finally:
+                executor.shutdown(wait=False, cancel_futures=True)
+                for process in active_children():
+                    process.kill()
+
+
+def _explain_bag(ends: tuple[str, str], stamp: int, bag: Sequence[str], namespace: str,
+                 partial: bool) -> Explanation:
+    with bag_progress(bag) as on_progress:
+        buffer = read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
+    statistics = Statistics()
+    if any(frame.authority != NOT_RECORDED for frame in buffer.frames()):
+        # The buffer knows only the last publisher of a frame, so the bag is read once more.
+        with bag_progress(bag) as on_progress:
+            statistics.add_messages(messages(
+                bag, namespace=namespace, partial=partial, on_progress=on_progress))
+    return explain(buffer, ends, stamp, statistics.publishers_by_child({}))
+
+
+# A live system
+
+
+class _Listening:
+    """A listener, and the statistics of what it has received."""
+
+    def __init__(self, node: 'Node', kept: float = 10.0) -> None:
+        """Subscribe; keep transforms in the buffer for some time (s)."""
+        from puretf_tools.inspection.frame_listener import FrameListener
+        self.node = node
+        self.frame_listener = FrameListener(node, kept)
+        self.listener = self.frame_listener.publisher_listener
+        self.statistics = Statistics(SETTLING)
+        self.dropped = 0  #: the number of messages that arrived too fast
+        self.end = 0  #: the time of the last `poll` (ns); 0: not known
+        #: This time minus that of the computer (ns); None: not known.
+        self.offset: Optional[int] = None
+
+    def poll(self) -> None:
+        """Count what has arrived."""
+        self.end = self.frame_listener.now()
+        # Without simulated time, both are one clock; a pause between two looks at it would count.
+        self.offset = (0 if not self.node.get_parameter('use_sim_time').value else
+                       self.end - time.time_ns() if self.end else None)
+        received, dropped = self.listener.received()
+        self.dropped += dropped
+        self.statistics.add_messages(received, self.offset)
+
+
+def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
+    """Listen to transforms, and to the headers on other topics."""
+    from puretf_tools.cli.node import spinning_node
+    with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
+        listening = _Listening(node)
+        samplers = _Samplers(node, *listening.frame_listener.topics)
+        stack.callback(samplers.close)
+
+        def poll() -> None:
+            listening.poll()
+            samplers.poll()
+
+        elapsed = listen(duration, listening.frame_listener.buffer.frame_names, poll)
+        return _observation(listening, samplers, f'in {elapsed:.1f} s')
+
+
+class _Samplers:
+    """What is read beside the transforms."""
+
+    def __init__(self, node: 'Node', static: str, dynamic: str) -> None:
+        from puretf.publisher_listener import TransformSampler
+        from puretf_tools.inspection.clock_sampler import ClockSampler
+        from puretf_tools.inspection.header_sampler import HeaderSampler
+        self._node, self._dynamic = node, dynamic
+        self.clock = ClockSampler(node, self._nodes_with_stamps)
+        self.headers, self.robots = HeaderSampler(node), RobotListener(node, dynamic)
+        self.transforms = TransformSampler(node, (static, dynamic))
+
+    def _nodes_with_stamps(self) -> set[str]:
+        from puretf.publisher_listener import node_of
+        return {*map(node_of, self._node.get_publishers_info_by_topic(self._dynamic)),
+                *self.robots.subscribers(self._dynamic),
+                *chain.from_iterable(self.headers.senders().values())}
+
+    def poll(self) -> None:
+        for sampler in self.clock, self.headers, self.robots, self.transforms:
+            sampler.poll()
+
+    def close(self) -> None:
+        for sampler in self.clock, self.robots, self.transforms:
+            sampler.close()
+
+
+def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Observation:
+    """Add what the ROS graph knows to what was received."""
+    node, frame_listener = listening.node, listening.frame_listener
+    statistics, listener = listening.statistics, listening.listener
+    static, dynamic = frame_listener.topics
+    sampler, robots, clock = samplers.headers, samplers.robots, samplers.clock
+    joint_senders = robots.senders()
+    left_out = [f'headers on {topic}: {why}' for topic, why in sorted(sampler.not_read.items())]
+    if listening.dropped:
+        left_out.append(f'{listening.dropped} messages: they arrived too fast')
+    return Observation(
+        statistics, where, (dynamic, static),
+        nodes=listener.names_of(statistics.publishers()),
+        present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
+        volatile_listeners=_volatile_listeners(node, static), headers=sampler.headers(),
+        senders=sampler.senders(), robots=robots.robots(), joint_senders=joint_senders,
+        joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
+        clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
+        tf_listeners=robots.subscribers(dynamic), other_transforms=[
+            OtherTopic(*each) for each in samplers.transforms.topics()],
+        tf_topics=[topic for topic, types in node.get_topic_names_and_types()
+                   if TF_MESSAGE in types and node.count_publishers(topic)],
+        not_known=_not_known(listening), left_out=left_out,
+        why_no_transforms=(
+            '' if statistics.count else frame_listener.why_no_frames().partition(' More: ')[0]),
+        other_namespaces=frame_listener.other_topics_hint(), end=listening.end,
+        clock_offset=listening.offset, clock_hint=_clock_hint(node))
+
+
+def _not_known(listening: _Listening) -> dict[str, str]:
+    not_known = {}
+    tracks = listening.statistics.tracks()
+    if tracks and all(listening.listener.is_present(track.publisher) is None for track in tracks):
+        not_known['nodes'] = 'the ROS graph does not know the publishers of the transforms'
+    if not listening.end:
+        not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
+    return not_known
+
+
+def _clock_hint(node: 'Node') -> str:
+    if node.count_publishers('/clock') and not node.get_parameter('use_sim_time').value:
+        return ('. /clock is published: with --ros-args -p use_sim_time:=true, stamps are '
+                'compared with it')
+    return ''
+
+
+def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
+    from rclpy.qos import DurabilityPolicy
+
+    from puretf.publisher_listener import gid_of, node_of
+    own_name = node.get_fully_qualified_name()
+    for topic in topics:
+        # The subscription of this node has the QoS of tf2's TransformListener; it comes first.
+        listeners = sorted((info for info in node.get_subscriptions_info_by_topic(topic)
+                            if info.topic_type == TF_MESSAGE),
+                           key=lambda info: node_of(info) != own_name)
+        for publisher in node.get_publishers_info_by_topic(topic):
+            if publisher.topic_type != TF_MESSAGE:
+                yield Endpoint(topic, node_of(publisher), wrong_type=publisher.topic_type)
+                continue
+            yield Endpoint(
+                topic, node_of(publisher), gid_of(publisher),
+                unlatched='VOLATILE' if topic == topics[1] and (
+                    publisher.qos_profile.durability == DurabilityPolicy.VOLATILE) else '',
+                mismatch=_mismatch(publisher, listeners, own_name))
+
+
+def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
+    from rclpy.qos import DurabilityPolicy
+
+    from puretf.publisher_listener import node_of
+    return [node_of(info) for info in node.get_subscriptions_info_by_topic(topic)
+            if info.topic_type == TF_MESSAGE
+            and info.qos_profile.durability == DurabilityPolicy.VOLATILE]
+
+
+def _mismatch(publisher: Any, listeners: Sequence[Any], own_name: str) -> str:
+    """Return the first listener whose QoS a publisher does not match, and why."""
+    from rclpy.qos import qos_check_compatible, QoSCompatibility
+
+    from puretf.publisher_listener import node_of, UNKNOWN
+    for listener in listeners:
+        compatibility, reason = qos_check_compatible(publisher.qos_profile, listener.qos_profile)
+        if compatibility == QoSCompatibility.ERROR:
+            name = node_of(listener)
+            words = {own_name: 'a TransformListener', UNKNOWN: 'an unknown listener'}
+            return (f'{words.get(name, name)} '
+                    f'({reason.replace("ERROR: ", "").rstrip(";. ")})')
+    return ''
+
+
+def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: Sequence[str],
+                  namespace: str) -> Explanation:
+    """Listen to transforms; then explain the path between two frames."""
+    from puretf_tools.cli.node import spinning_node
+    with spinning_node('tf_doctor', ros_args, namespace) as node:
+        listening = _Listening(node, max(10.0, duration) + _MARGIN)
+        frame_listener, statistics = listening.frame_listener, listening.statistics
+        buffer = frame_listener.buffer
+        listen(duration, buffer.frame_names, listening.poll)
+        nodes = listening.listener.names_of(statistics.publishers())
+        explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
+        if not buffer.frame_names():
+            return explanation._replace(
+                why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
+        now = frame_listener.now()
+    if not explanation.stamp or stamp:
+        return explanation
+    return explanation._replace(age=_age(now, explanation.stamp))
+
+
+def _age(now: int, stamp: int) -> str:
+    if not now:
+        return ' (use_sim_time is set, but no message has arrived on /clock)'
+    if stamp > now + FUTURE:
+        is_foreign = stamp > now + OTHER_CLOCK
+        return (f', {in_words(stamp - now)} after the time of this node, {exact_time(now)}'
+                f'{": they are on different clocks" if is_foreign else ""}')
+    return f', {in_seconds(max(0, now - stamp)):.3f} s before the end of listening'
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command with some arguments, or those of the command line."""
+    parser = Parser(
+        'tf_doctor', 'Find faults in the transforms, and say what to do. If two frames are named, '
+        'explain the path between them instead. The exit code is 1 if there is an error, or no '
+        'transform between the two frames.',
+        'examples: tf_doctor\n          tf_doctor --bag robot.mcap\n'
+        '          tf_doctor --bag recordings/*.mcap --jobs 4 --json\n'
+        '          tf_doctor map end_effector\n          tf_doctor --explain future')
+    parser.add_argument('frame_a', nargs='?')
+    parser.add_argument('frame_b', nargs='?')
+    parser.add_argument('-t', type=seconds, default=0, metavar='TIME',
+                        help='with two frames: the time of the transform (s; default: 0, the '
+                        'latest)')
+    parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
+                        help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
+    parser.add_argument('--json', dest='as_json', action='store_true',
+                        help='print JSON: with --bag, one line for each bag')
+    parser.add_argument('--ignore', action='append', default=[], metavar='CODE',
+                        help='leave out findings with this code; can be given several times')
+    parser.add_argument('--list', dest='list_codes', action='store_true',
+                        help='print the codes of all findings with their meanings, then exit')
+    parser.add_argument('--explain', dest='words', nargs='*', metavar='WORDS',
+                        help='explain an error: print the section that has a short name, explains '
+                        'the code of a finding, or has some words in its heading; without words, '
+                        'list the sections')
+    parser.add_argument('--jobs', type=int, metavar='N',
+                        help='with several bags: how many are examined at the same time '
+                        '(default: 1)')
+    add_bag_options(parser)
+    return run(parser, command, args)

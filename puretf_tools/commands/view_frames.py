@@ -1,0 +1,224 @@
+"""The command `view_frames`: draw the tree of all frames to a file or in the terminal."""
+
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+import sys
+from typing import Optional, TYPE_CHECKING
+
+from puretf import Frame
+from puretf.formatting import exact_time, in_seconds, shortened, suggest_names, visible
+from puretf_tools.cli.bag_options import add_bag_options, read_bag
+from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.parser import (
+    CommandError,
+    DEFAULT_TIME,
+    listening_time,
+    number,
+    Parser,
+    run,
+    UsageError,
+)
+from puretf_tools.cli.progress import DISCOVERY, wait
+from puretf_tools.cli.signals import check_signals, sleep
+from puretf_tools.inspection.forest import Forest, frequency
+from puretf_tools.inspection.graph import as_dot, draw, DrawingError
+from puretf_tools.inspection.terminal import (
+    column_width,
+    height,
+    is_terminal,
+    Once,
+    padded,
+    show,
+    width,
+    wrapped,
+)
+
+if TYPE_CHECKING:
+    from puretf_tools.inspection.frame_listener import FrameListener
+
+FORMATS = ('.pdf', '.svg', '.png')
+#: Endings that are refused. To a name with another one, .pdf is added: `v1.2` is `v1.2.pdf`.
+OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
+#: A drawing of more frames is not legible, and can take minutes.
+MAX_FRAMES = 2000
+#: The interval at which --watch prints the tree (s).
+_REFRESH = 1.0
+
+
+def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> list[str]:
+    """Draw trees as text, with rates, ages at a time (ns) and publishers."""
+    rows = []
+    for branches, name, frame in islice(forest.lines(), max_lines):
+        rate = age = ''
+        if frame is not None and not frame.is_static:
+            hertz = frequency(frame)
+            rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
+            age = _age(now, frame.latest)
+        rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,
+                     age, shortened(frame.authority) if frame else ''))
+    columns = column_width(len(branches) + width(name) for branches, name, *_ in rows)
+    return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {publisher}'
+            .rstrip() for branches, name, rate, age, publisher in rows]
+
+
+def _age(now: int, stamp: int) -> str:
+    if not now:  # the clock of the node waits for /clock
+        return '? s old'
+    seconds = in_seconds(now - stamp)
+    return f'{seconds:.3f} s old' if seconds > -0.0005 else f'{-seconds:.3f} s ahead'
+
+
+def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
+            watch: bool = False, bag: Optional[Sequence[str]] = None, namespace: str = '',
+            partial: bool = False, root: Optional[str] = None, *,
+            ros_args: Sequence[str] = ()) -> int:
+    """Listen to transforms for some time, or read a bag; then draw the tree of frames."""
+    if bag is not None and (watch or wait_time is not None):
+        raise UsageError(
+            '--watch and --wait-time (-t) are for listening: leave them out with --bag')
+    seconds = listening_time(wait_time)
+    root = root if root is None else root.removeprefix('/')
+    if root == '':
+        raise UsageError('--root needs the name of a frame')
+    path = Path() if text or watch else output_path(output)
+    if buffer := read_bag(bag, namespace, partial):
+        frames = buffer.frames()
+        now = max(frame.latest for frame in frames)
+    else:
+        frames, now = _listen(seconds, watch, root, ros_args, namespace)
+    forest = _forest(frames, root)
+    for loop in forest.loops:
+        print(f'view_frames: warning: these frames form a loop: '
+              f'{" -> ".join(map(shortened, [*loop, loop[0]]))}', file=sys.stderr)
+    if text:
+        print('\n'.join(format_tree(forest, now)))
+    else:
+        save(forest, now, path)
+        print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
+              f'{_summary(forest)}')
+    if bag is not None:
+        print(_span(forest, now))
+    return 0
+
+
+def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str],
+            namespace: str) -> tuple[list[Frame], int]:
+    """Return the frames, and the time of the node's clock (ns); with `watch`, do not return."""
+    from puretf_tools.cli.node import spinning_node
+    from puretf_tools.inspection.frame_listener import FrameListener
+    with spinning_node('view_frames', ros_args, namespace) as node:
+        frame_listener = FrameListener(node, max(10.0, seconds))
+        say = Once(is_terminal())
+        while watch:
+            _show(frame_listener, root, say)
+            sleep(_REFRESH)
+        discovery = max(DISCOVERY, seconds)
+        if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
+            raise CommandError(f'no transform was received within {discovery:g} s. '
+                               f'{frame_listener.why_no_frames()}')
+        wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
+        now, frames = frame_listener.now(), frame_listener.frames()
+        if hint := frame_listener.topics_hint():
+            print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
+        return frames, now
+
+
+def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> None:
+    # The time first: reading and arranging 100,000 frames takes long, and would add to the ages.
+    now, frames = frame_listener.now(), frame_listener.frames()
+    if not frames:
+        show(wrapped(frame_listener.nothing_received(say)))
+        return
+    try:
+        forest = _forest(frames, root)
+    except CommandError as error:  # the root may be published later
+        show(wrapped(f'waiting for the root: {error}'))
+    else:
+        hint = frame_listener.topics_hint()
+        warning = wrapped(f'Warning: {hint}') if hint else []
+        show([*warning, *format_tree(forest, now, height())], len(warning) + forest.line_count)
+
+
+def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
+    forest = Forest(frames)
+    if root is None:
+        return forest
+    if root not in forest.names:
+        raise CommandError(f'frame {root!r} does not exist. {suggest_names(root, forest.names)}')
+    return forest.subtree(root)
+
+
+def output_path(output: str) -> Path:
+    """Return the path of the drawing, with its ending; check that it can be written."""
+    path = Path(output)
+    if path.name in ('', '..') or output.endswith('/'):
+        raise UsageError(f'{output!r} is not a file name')
+    if path.suffix.lower() in OTHER_FORMATS:
+        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or have no ending that '
+                         'names a format; then .pdf is added')
+    if path.suffix.lower() not in FORMATS:
+        path = path.with_name(f'{path.name}.pdf')
+    check_writable(path)
+    return path
+
+
+def save(forest: Forest, now: int, path: Path) -> None:
+    """Draw frames to a file, and write a .gv file, also if they cannot be drawn."""
+    dot, dot_path = as_dot(forest, now), path.with_suffix('.gv')
+    try:
+        if (count := len(forest.names)) > MAX_FRAMES:
+            raise CommandError(f'{count} frames are too many to draw; the limit is {MAX_FRAMES}: '
+                               'draw a part with --root FRAME, or print the tree with --text')
+        drawing = draw(dot, path.suffix[1:].lower(), check_signals)
+    except (CommandError, DrawingError) as error:
+        write(dot_path, dot.encode())
+        raise CommandError(f'{error}; wrote {dot_path}') from None
+    write(path, drawing)
+    write(dot_path, dot.encode())
+
+
+def _summary(forest: Forest) -> str:
+    roots = ', '.join(map(shortened, forest.roots))
+    return (f'frames: {len(forest.names)}, transforms: {len(forest.frames)}, '
+            f'root: {roots or "none"}')
+
+
+def _span(forest: Forest, now: int) -> str:
+    dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
+    if not dynamic:
+        return 'all transforms are static'
+    begin, end = min(frame.oldest for frame in dynamic), max(frame.latest for frame in dynamic)
+    reference = 'the end' if end == now else f'the end of the bag, {exact_time(now)} s'
+    return (f'from {exact_time(begin)} s to {exact_time(end)} s, '
+            f'{in_seconds(end - begin):.3f} s; ages are relative to {reference}')
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file completely, or leave it unchanged."""
+    with whole_file(path) as part:
+        part.write_bytes(data)
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command with some arguments, or those of the command line."""
+    parser = Parser(
+        'view_frames', 'Listen to /tf and /tf_static, or read a bag, and draw the tree of frames '
+        'to frames.pdf (and frames.gv).',
+        'examples: view_frames\n          view_frames -t 10 -o robot.svg\n'
+        '          view_frames --watch --root base_link\n'
+        '          view_frames --bag robot.mcap')
+    parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
+                        help='how long to listen, from the first transform on '
+                             f'(s; default: {DEFAULT_TIME:g})')
+    parser.add_argument('-o', '--output', default='frames', metavar='NAME',
+                        help='the file of the drawing, in the format .pdf, .svg or .png; to a '
+                             'name without a format, .pdf is added (default: %(default)s)')
+    parser.add_argument('--text', action='store_true',
+                        help='print the tree with rates, ages and publishers, and write no file')
+    parser.add_argument('--watch', action='store_true',
+                        help='print the tree every second, until Ctrl-C')
+    parser.add_argument('--root', metavar='FRAME',
+                        help='draw or print only this frame and its descendants')
+    add_bag_options(parser)
+    return run(parser, command, args)

@@ -1,0 +1,160 @@
+"""The command `web_view`: show the frames, live or from a bag, in the browser."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from math import ceil
+from pathlib import Path
+from threading import Thread
+from time import monotonic
+from typing import Optional, TYPE_CHECKING
+
+from puretf.bag import BagError
+from puretf.formatting import namespace_path, visible
+from puretf_tools.cli.bag_options import add_bag_options, read_bag
+from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.page_options import add_page_options, HOST
+from puretf_tools.cli.parser import CommandError, listening_time, number, Parser, run, UsageError
+from puretf_tools.cli.progress import BAR, listen, progress
+from puretf_tools.cli.signals import check_signals, forget_signals
+
+if TYPE_CHECKING:
+    from puretf_tools.view.export import Recording
+    from puretf_tools.view.feed import BagFeed, Feed
+
+_EXPORTED_TIME = 10.0
+
+
+def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence[str]] = None,
+            namespace: str = '', partial: bool = False, export: Optional[str] = None,
+            duration: Optional[float] = None, meshes: Sequence[str] = (), *,
+            ros_args: Sequence[str] = ()) -> int:
+    """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
+    if duration is not None and export is None:
+        raise UsageError('--time needs --export')
+    path = None if export is None else _html_path(export)
+    seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
+    if buffer := read_bag(bag, namespace, partial):
+        from puretf_tools.view.feed import BagFeed
+        feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
+        if path:
+            read_descriptions(feed, bag, namespace, partial)
+            _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
+        else:
+            _show(feed, host, port, meshes, Thread(
+                target=_examine, args=(feed, bag, namespace, partial), daemon=True))
+    else:
+        from puretf_tools.cli.node import spinning_node
+        from puretf_tools.view.feed import LiveFeed
+        with spinning_node('web_view', ros_args, namespace) as node:
+            live = LiveFeed(node)
+            if path:
+                _export(recorded_live(live, seconds, meshes), live, path)
+            else:
+                _show(live, host, port, meshes)
+    return 0
+
+
+def _examine(feed: 'BagFeed', bag: Sequence[str], namespace: str, partial: bool) -> None:
+    with suppress(KeyboardInterrupt):  # the command ends
+        read_descriptions(feed, bag, namespace, partial)
+    find_faults(feed.findings, bag, namespace, partial)
+
+
+def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], namespace: str, partial: bool
+                      ) -> None:
+    """Give a feed the descriptions of the robots below a namespace in a bag."""
+    from puretf_tools.robot.descriptions import in_bag
+    with suppress(BagError, OSError):  # `read_bag` or `find_faults` reports them
+        found = in_bag(bag or (), partial, lambda done: check_signals())
+        feed.robots = {topic: each for topic, each in found.items()
+                       if topic.startswith(f'{namespace_path(namespace)}/')}
+
+
+def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,
+                partial: bool) -> None:
+    """Fill the findings with those of `tf_doctor`, or the reason that there are none."""
+    try:
+        from puretf_tools.doctor import examine
+        from puretf_tools.robot.observed import robots_in_bag
+        report = examine(bag, namespace=namespace, partial=partial, read_robots=robots_in_bag,
+                         on_progress=lambda done: check_signals())
+        findings += [(report.verdict, 0), *((
+            f'{finding.severity} {finding.code}: '
+            f'{", ".join(finding.frames or finding.topics)}: {finding.evidence}', finding.time)
+            for finding in report.findings)]
+    except Exception as error:
+        findings += [(f'tf_doctor cannot examine the bag: {error or type(error).__name__}', 0)]
+    except KeyboardInterrupt:
+        pass  # the command ends
+
+
+def _recorded_bag(feed: 'BagFeed', seconds: Optional[float], meshes: Sequence[str]
+                  ) -> 'Recording':
+    from puretf_tools.view.export import PERIOD, Recording
+    player, recording = feed.player, Recording(feed, meshes)
+    assert player is not None
+    length = player.length if seconds is None else min(seconds, player.length)
+    with progress(length, desc='recording', bar_format=BAR) as show_progress:
+        for i in range(ceil(length / PERIOD) + 1):
+            check_signals()
+            player.seek(min(length, i * PERIOD))
+            recording.add(player.position, player.time)
+            show_progress(player.position)
+    return recording
+
+
+def recorded_live(feed: 'Feed', seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
+    """Record for some time from the first transform on, or until Ctrl-C."""
+    from puretf_tools.view.export import Recording
+    recording = Recording(feed, meshes)
+    listen(seconds, feed.buffer.frames, lambda: recording.add(monotonic()))
+    forget_signals()
+    return recording
+
+
+def _export(recording: 'Recording', feed: 'Feed', path: Path) -> None:
+    if not recording.has_frames:
+        raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
+    duration = recording.duration
+
+    def on_progress(done: float) -> None:
+        check_signals()
+        show_progress(done)
+
+    with progress(duration, desc='making the page', bar_format=BAR) as show_progress:
+        page = recording.as_html(on_progress)
+    with whole_file(path) as part:
+        part.write_text(page, encoding='utf-8')
+    print(f'wrote {visible(str(path))}: {duration:.1f} s')
+
+
+def _html_path(export: str) -> Path:
+    path = Path(export)
+    if path.suffix.lower() != '.html' or export.endswith('/'):
+        raise UsageError(f'{export!r} must end in .html')
+    check_writable(path)
+    return path
+
+
+def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str],
+          examination: Optional[Thread] = None) -> None:
+    from puretf_tools.view.page import show
+    with suppress(KeyboardInterrupt):  # which is its normal end
+        show(feed, host, port, meshes, examination)
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`."""
+    parser = Parser(
+        'web_view', 'Show the frames of /tf and /tf_static, or of a bag, on a page in the '
+        'browser.',
+        'examples: web_view\n          web_view --port 8090\n          web_view --bag robot.mcap\n'
+        '          web_view --export robot.html')
+    add_page_options(parser)
+    add_bag_options(parser)
+    parser.add_argument('--export', metavar='FILE.html',
+                        help='write a page that plays without a server, and end')
+    parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
+                        help='with --export: how long to record, from the first transform on '
+                             f'(default: {_EXPORTED_TIME:g}; of a bag, all)')
+    return run(parser, command, args)

@@ -1,0 +1,1043 @@
+"""The checks: each is a function that looks for one kind of fault in an `Observation`."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, combinations, pairwise
+from math import ceil
+from operator import attrgetter, itemgetter
+from types import MappingProxyType
+from typing import NamedTuple, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import Frame
+from puretf.formatting import (
+    comma_list,
+    exact_time,
+    is_slip,
+    quoted,
+    SECOND,
+    shortened,
+    suggest_names,
+    TF_MESSAGE,
+)
+from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
+from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
+from puretf_tools.doctor.tf_statistics import (
+    FUTURE,
+    LATE,
+    NORM_TOLERANCE,
+    OTHER_CLOCK,
+    SMALLEST_JUMP,
+    Track,
+)
+from puretf_tools.inspection.feeds import half_remedy, half_text, rivals, Sender
+from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.robots import joint_states_of
+
+SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
+#: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
+#: `_SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are at
+#: least the part `_JITTER` of all steps, and at least `_FEWEST_GAPS`.
+_GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
+#: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
+#: some programs send several transforms of a frame at once.
+_FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
+#: A move from pose to pose is a jump if it is this many times as fast as the frame usually is.
+_JUMP = 10
+#: A transform of /tf was sent once if none follows within this time (ns).
+_ONCE = 2 * SECOND
+#: Transforms that are late or from the future are reported if more than this part of them is.
+_SHARE = 0.05
+#: Two publishers with two clocks are no late transform of an old run, unless one of them makes
+#: the other one's transforms old by so many times fewer.
+_MANY_REFUSED = 10
+#: The frames of REP 105, from the root to the robot.
+_REP_105 = 'earth', 'map', 'odom', 'base_link'
+#: The names of this many roots are compared with those of the other frames.
+_MOST_ROOTS = 100
+#: By heading in docs/troubleshooting.md: the checks that it explains; 'Other faults' are the rest.
+SECTIONS = {
+    'Extrapolation into the future': ['gap', 'late', 'message_early'],
+    'Only one time is in the buffer': ['one_shot'],
+    'A frame does not exist': ['no_transforms', 'wrong_type', 'unknown_frame'],
+    'Two unconnected trees': ['disconnected', 'several_trees', 'similar_name'],
+    'TF_REPEATED_DATA': ['same_stamp'],
+    'The queue of a message filter is full': ['message_never'],
+    'Messages are earlier than all data in the cache': ['message_too_old'],
+    'use_sim_time and the wall clock': [
+        'other_clock', 'use_sim_time_differs', 'future', 'zero_stamp', 'message_other_clock',
+        'message_zero_stamp'],
+    'The QoS of /tf_static': ['static_not_latched', 'volatile_listener', 'incompatible_qos'],
+    'No static transforms from a bag': ['missing_part'],
+    'A frame jumps or flickers': [
+        'two_publishers', 'changing_parent', 'static_and_dynamic', 'jump'],
+    'A jump back in time': ['time_goes_back'],
+    'A leading slash, or a namespace': ['leading_slash', 'other_namespace'],
+    'Half of a robot is in a namespace': ['half_namespace'],
+    'Two nodes on /joint_states or /clock': ['two_joint_publishers', 'two_clocks']}
+_SECTION_OF = {code: heading for heading, codes in SECTIONS.items() for code in codes}
+_child_of = attrgetter('child')
+
+
+class Finding(NamedTuple):
+    """A fault, or something remarkable."""
+
+    code: str  #: the name of the check, such as 'two_publishers'
+    severity: str  #: ERROR, WARNING or INFO
+    frames: tuple[str, ...]  #: the frames with the fault
+    topics: tuple[str, ...]  #: the topics of their transforms
+    nodes: tuple[str, ...]  #: the full names of the nodes that publish them, if known
+    evidence: str  #: what was observed, in numbers
+    remedy: str  #: what to do, in one sentence
+    section: str  #: the heading in docs/troubleshooting.md
+    time: int  #: when it was, by the stamps (ns); 0: at no single time
+
+
+class _Fault(NamedTuple):
+    """A fault that a check has found."""
+
+    evidence: str
+    tracks: Sequence[Track] = ()  #: the tracks whose frames, topics and nodes are named
+    frames: Optional[Iterable[str]] = None  #: None: those of the tracks
+    topics: Sequence[str] = ()  #: further topics
+    nodes: Sequence[str] = ()  #: further nodes
+    remedy: str = ''  #: '': that of the check
+    severity: str = ''  #: '': that of the check
+    time: int = 0  #: as `Finding.time`
+    #: The consequences of this fault, which are not reported. By code: the names of the frames or
+    #: nodes; None: all.
+    explains: Mapping[str, Optional[Collection[str]]] = MappingProxyType({})
+
+
+_Find = Callable[[Observation], Iterator[_Fault]]
+
+
+class Check(NamedTuple):
+    """A check, which looks for one kind of fault."""
+
+    code: str
+    severity: str  #: ERROR, WARNING or INFO
+    meaning: str  #: what the fault is
+    remedy: str  #: what to do, in one sentence
+    needs: str  #: what must be known, such as 'nodes'; '': nothing special
+    find: _Find
+
+
+#: All checks, by their codes.
+CHECKS: dict[str, Check] = {}
+
+
+def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = ''
+           ) -> Callable[[_Find], _Find]:
+    def add(find: _Find) -> _Find:
+        CHECKS[code] = Check(code, severity, meaning, remedy, needs, find)
+        return find
+
+    return add
+
+
+def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
+    """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
+    findings: list[Finding] = []
+    explained: list[tuple[str, Optional[Collection[str]]]] = []
+    for check in CHECKS.values():
+        if check.code in ignored or check.needs in observation.not_known:
+            continue
+        for fault in check.find(observation):
+            explained += fault.explains.items()
+            topics = (observation.topics[track.is_static] for track in fault.tracks)
+            nodes = map(observation.node_of, fault.tracks)
+            frames = map(_child_of, fault.tracks) if fault.frames is None else fault.frames
+            findings.append(Finding(
+                check.code, fault.severity or check.severity, tuple(dict.fromkeys(frames)),
+                tuple(dict.fromkeys((*fault.topics, *topics))),
+                tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
+                fault.remedy or check.remedy, _SECTION_OF.get(check.code, 'Other faults'),
+                fault.time))
+    return sorted((finding for finding in findings if not any(
+        finding.code == code and _is_among(finding, names) for code, names in explained)),
+        key=lambda finding: SEVERITIES.index(finding.severity))
+
+
+def _is_among(finding: Finding, names: Optional[Collection[str]]) -> bool:
+    return names is None or any(
+        each and {*each} <= {*names} for each in (finding.frames, finding.nodes))
+
+
+def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list[str]:
+    """Return a text for each thing that is not known: the checks that need it, and why."""
+    return [f'{", ".join(codes)}: {reason}' for need, reason in observation.not_known.items()
+            if (codes := [check.code for check in CHECKS.values()
+                          if check.needs == need and check.code not in ignored])]
+
+
+def _names(names: Iterable[str]) -> str:
+    return comma_list([*names], SHOWN, shortened)
+
+
+def _hertz(track: Track) -> str:
+    return 'once' if track.rate is None else f'{track.rate:.1f} Hz'
+
+
+# Errors
+
+
+@_check('no_transforms', ERROR,
+        'Nothing was received on /tf and /tf_static.',
+        'Start the nodes that publish transforms, in the same ROS domain.')
+def _no_transforms(observation: Observation) -> Iterator[_Fault]:
+    is_explained = observation.other_namespaces or observation.recreated or any(
+        endpoint.wrong_type for endpoint in observation.endpoints)
+    if not observation.tracks and not is_explained:
+        refused = [each for each in observation.endpoints if each.mismatch or each.unlatched]
+        # Its last sentence is the remedy.
+        cause, _, remedy = observation.why_no_transforms.rstrip('.').rpartition('. ')
+        yield _Fault(f'{len(observation.endpoints)} publishers exist, but {len(refused)} of them '
+                     'do not match the QoS of a listener', topics=observation.topics,
+                     remedy='Change their QoS.') if refused else _Fault(
+                         cause or '0 transforms', topics=observation.topics,
+                         remedy=remedy and f'{remedy}.')
+
+
+@_check('wrong_type', ERROR,
+        f'Messages on /tf or /tf_static have another type than {TF_MESSAGE}; no listener '
+        'receives them.',
+        'Send transforms with a TransformBroadcaster or a StaticTransformBroadcaster '
+        '(sendTransform), and other messages on another topic.')
+def _wrong_type(observation: Observation) -> Iterator[_Fault]:
+    for endpoint in observation.endpoints:
+        if endpoint.wrong_type:
+            yield _Fault(f'{endpoint.node or "a node"} publishes {endpoint.wrong_type} on '
+                         f'{endpoint.topic}, not {TF_MESSAGE}', topics=[endpoint.topic],
+                         nodes=[endpoint.node])
+
+
+@_check('two_publishers', ERROR,
+        'Two publishers send the transform of one child at the same time, so the frame jumps '
+        'between two poses.',
+        'Stop one of the publishers, or give its frame another name.', 'nodes')
+def _two_publishers(observation: Observation) -> Iterator[_Fault]:
+    pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
+    again = {*chain.from_iterable(observation.recreated.values())}
+    for tracks in observation.by_child.values():
+        for a, b in combinations(tracks, 2):
+            if (a.is_static == b.is_static and not {a.publisher, b.publisher} <= again
+                    and _exist_together(observation, a, b)):
+                pairs.setdefault((a.publisher, b.publisher, a.is_static), []).append((a, b))
+    for group in pairs.values():
+        a, b = group[0]
+        names = [observation.node_of(track) or 'a publisher' for track in (a, b)]
+        how_often = ('one transform each' if a.is_static else
+                     f'{a["count"]} transforms ({_hertz(a)}) and {b["count"]} ({_hertz(b)})')
+        children = [a.child for a, _ in group]
+        yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {how_often}',
+                     [a, b], children)
+
+
+def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
+    """Return False if one publisher has replaced the other, as when a node is restarted."""
+    if a.is_static:
+        # The publisher of a node that was killed exists for some seconds more.
+        is_same = (a['pose'] == b['pose']).all() and [*a.parents][-1] == [*b.parents][-1]
+        if observation.present is None:
+            return not is_same
+        return {a.publisher, b.publisher} <= {*observation.present} and not (
+            is_same and observation.node_of(a) == observation.node_of(b))
+    return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
+
+
+@_check('many_publishers', ERROR,
+        'A node creates publishers on /tf or /tf_static again and again: what a new publisher '
+        'sends can be lost, and each of them costs all listeners memory and time.',
+        'Create the broadcaster once, with the node, and not in the callback of a timer.', 'nodes')
+def _many_publishers(observation: Observation) -> Iterator[_Fault]:
+    for (node, topic), publishers in observation.recreated.items():
+        found = {*publishers}
+        frames = [track.child for track in observation.tracks if track.publisher in found]
+        where = ', from one node' if node.startswith('/') else ''
+        yield _Fault(f'{len(found)} publishers, one after another{where}', (), frames, [topic],
+                     [node])
+
+
+@_check('changing_parent', ERROR,
+        'The parent of a frame changes, so the tree has another shape at each change.',
+        'Let only one parent be published for the frame; if it has to be in two trees, publish '
+        'the inverse of one transform, with parent and child exchanged.')
+def _changing_parent(observation: Observation) -> Iterator[_Fault]:
+    for child, tracks in observation.by_child.items():
+        parents = [*dict.fromkeys(parent for track in tracks for parent in track.parents)]
+        if len(parents) > 1:
+            count = sum(track['count'] for track in tracks)
+            yield _Fault(f'{shortened(child)} has {len(parents)} parents in {count} transforms: '
+                         f'{_names(parents)}', tracks)
+
+
+@_check('static_and_dynamic', ERROR,
+        'A frame is published on /tf and on /tf_static; listeners use sometimes one of the two '
+        'transforms, and sometimes the other.',
+        'Publish the frame on one of the two topics only.')
+def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
+    for child, tracks in observation.by_child.items():
+        counts = [sum(track['count'] for track in tracks if track.is_static == is_static)
+                  for is_static in (False, True)]
+        if all(counts):
+            dynamic, static = observation.topics
+            yield _Fault(f'{shortened(child)}: {counts[0]} transforms on {dynamic}, {counts[1]} '
+                         f'on {static}', tracks)
+
+
+@_check('loop', ERROR,
+        'Frames are parents of each other in a circle, so a lookup through them fails, or its '
+        'result depends on where it begins.',
+        'Remove one of the transforms: the frame at the top, such as map, must have no parent.')
+def _loop(observation: Observation) -> Iterator[_Fault]:
+    forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
+                    for child, parent in observation.parents.items())
+    for loop in forest.loops:
+        tracks = [track for name in loop for track in observation.by_child[name]]
+        more = ['...'] if len(loop) > SHOWN else []
+        yield _Fault(f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
+                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks)
+
+
+@_check('unknown_frame', ERROR,
+        'The headers of other messages name a frame that no transform leads to, so these '
+        'messages cannot be transformed.',
+        'Publish a transform to this frame, or correct the name in the program that sends the '
+        'messages.', 'headers')
+def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
+    known = tuple(observation.tree_of)
+    static = '' if any(track.is_static for track in observation.tracks) else (
+        f' (there are no transforms on {observation.topics[1]})')
+    for frame, topics in observation.topics_of.items():
+        if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
+            yield _Fault(f'{quoted(frame)} is in the headers on {_names(topics)}, but not among '
+                         f'the {len(known)} frames of the transforms{static}. '
+                         f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
+                         remedy=observation.missing_part)
+
+
+@_check('joint_without_state', ERROR,
+        'A movable joint of a robot description is in no joint states that robot_state_publisher '
+        'uses, so it sends no transform for it, and all links below it are cut off.',
+        'Send its position on the topic joint_states, with the time, and under the name that the '
+        'description gives it; joint_state_publisher does this.')
+def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
+    for robot, start in observation.own_robots:
+        topic = joint_states_of(robot.topic)
+        known = (f'which names {_names(sorted(robot.states))}' if robot.states else
+                 'where nothing was received')
+        silent: dict[str, list[str]] = {}
+        for joint, links in robot.joints.items():
+            # The name of a link can be known without a transform to it, from a child of the link.
+            if not all(start + link in observation.parents for link in links):
+                if joint not in robot.states:
+                    silent.setdefault(f'not on {topic}, {known}', []).append(joint)
+                elif why := robot.states[joint]:
+                    silent.setdefault(f'on {topic} only in messages that {why}, which '
+                                      'robot_state_publisher ignores', []).append(joint)
+        for where, joints in silent.items():
+            yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
+                         f'{_names(joints)}', (), [start + link for joint in joints
+                                                   for link in robot.joints[joint]], [topic])
+
+
+@_check('disconnected', ERROR,
+        'The headers of other messages name frames of different trees, so these messages cannot '
+        'be transformed into one frame.',
+        'Publish a transform between the trees.', 'headers')
+def _disconnected(observation: Observation) -> Iterator[_Fault]:
+    # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
+    # a namespace for their topics and their frames may have trees of their own.
+    robots: dict[str, dict[int, dict[str, list[str]]]] = {}
+    for topic, headers in observation.own_headers.items():
+        namespace = topic.split('/')[1]
+        for frame in sorted(headers.frames):
+            name = frame.removeprefix('/')
+            if name in observation.tree_of:
+                robot = namespace if name.startswith(f'{namespace}/') else ''
+                trees = robots.setdefault(robot, {})
+                names = trees.setdefault(observation.tree_of[name], {})
+                names.setdefault(name, []).append(topic)
+    for trees in robots.values():
+        if len(trees) > 1:
+            yield _Fault(
+                f'headers use frames of {len(trees)} trees: ' + '; '.join(
+                    f'{_names(names)} (root '
+                    f'{_names(observation.roots(observation.trees[i])) or "none"}) on '
+                    f'{_names(dict.fromkeys(chain(*names.values())))}'
+                    for i, names in [*trees.items()][:SHOWN]), (), chain(*trees.values()),
+                [topic for names in trees.values() for topic in chain(*names.values())],
+                remedy=observation.missing_part)
+
+
+@_check('static_not_latched', ERROR,
+        'A publisher on /tf_static does not keep its messages for later listeners.',
+        'Give the publisher the durability TRANSIENT_LOCAL, or use a StaticTransformBroadcaster.',
+        'qos')
+def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
+    for endpoint in observation.endpoints:
+        if endpoint.unlatched:
+            of_node = f' of {endpoint.node}' if endpoint.node else ''
+            yield _Fault(f'1 publisher{of_node} on {endpoint.topic} has the durability '
+                         f'{endpoint.unlatched}', topics=[endpoint.topic], nodes=[endpoint.node])
+
+
+@_check('volatile_listener', WARNING,
+        'A subscription to /tf_static is not transient local: if it is created after a static '
+        'transform was sent, it does not receive it.',
+        'Use a TransformListener, or give the subscription the durability TRANSIENT_LOCAL.',
+        'listeners')
+def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
+    for node in observation.volatile_listeners:
+        yield _Fault(f'1 subscription of {node or "a node"} to {observation.topics[1]} has the '
+                     'durability VOLATILE', topics=observation.topics[1:], nodes=[node])
+
+
+@_check('incompatible_qos', ERROR,
+        'A listener receives nothing from a publisher, because their QoS do not match.',
+        'Give the publisher the QoS of a TransformBroadcaster (reliable), or correct that of the '
+        'listener.', 'listeners')
+def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
+    for endpoint in observation.endpoints:
+        if endpoint.mismatch and not endpoint.unlatched:
+            yield _Fault(f'1 publisher of {endpoint.node} on {endpoint.topic} does not match '
+                         f'{endpoint.mismatch}', topics=[endpoint.topic], nodes=[endpoint.node])
+
+
+@_check('not_a_number', ERROR,
+        'A transform contains NaN or an infinite number; listeners refuse it.',
+        'Find out where the program computes the number: often a division by zero or a missing '
+        'measurement.')
+def _not_a_number(observation: Observation) -> Iterator[_Fault]:
+    yield from _counted(observation, 'invalid', 'with NaN or an infinite number')
+
+
+@_check('unnormalized', ERROR,
+        f'The norm of a quaternion differs from 1 by more than {NORM_TOLERANCE:g}, so it is not '
+        'a rotation.',
+        'Normalise the quaternion before it is sent; all zeros often mean that it was never set: '
+        'set w = 1.')
+def _unnormalized(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(itemgetter('unnormalized')):
+        worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
+        yield _Fault(f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
+                     f'worst norm is {worst["worst_norm"]:.6g} ({shortened(worst.child)})', tracks)
+
+
+def _counted(observation: Observation, field: str, what: str,
+             is_fault: Callable[[Track], object] = lambda track: True) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: track[field] and is_fault(track)):
+        yield _Fault(f'{_share(tracks, field)} {what}', tracks)
+
+
+def _share(tracks: Sequence[Track], field: str) -> str:
+    return (f'{total(tracks, field)} of {total(tracks, "count")} transforms of '
+            f'{_names(map(_child_of, tracks))}')
+
+
+@_check('other_clock', ERROR,
+        f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: they are '
+        'from another clock, so lookups at the present time fail.',
+        'Let all nodes use the same clock: set use_sim_time on all of them or on none, and '
+        'synchronise the clocks of the computers.')
+def _other_clock(observation: Observation) -> Iterator[_Fault]:
+    # If one such stamp makes others old, `time_goes_back` says it.
+    told = {observation.refused[track].by for track in observation.refused
+            if _is_refused_for_another(observation, track)}
+    told.update(track for track, refused in observation.refused.items()
+                if refused.number > track['foreign'])
+    if observation.clock:
+        yield from _other_clock_than(observation, observation.clock, told)
+        return
+    for tracks in observation.by_publisher(
+            lambda track: track['foreign'] and track not in told):
+        worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
+        is_before = worst['greatest_delay'] > -worst['least_delay']
+        delay = worst['greatest_delay' if is_before else 'least_delay']
+        yield _Fault(
+            f'{_share(tracks, "foreign")} with stamps that are far from their arrival, up to '
+            f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
+            f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
+            f'{observation.clock_hint}', tracks)
+
+
+def _other_clock_than(observation: Observation, clock: Track, told: Collection[Track]
+                      ) -> Iterator[_Fault]:
+    # The delays are not compared, because a simulation can be slow, or pause.
+    for track in observation.tracks:
+        before = int(clock['oldest'] - track['latest'])
+        after = int(track['oldest'] - clock['latest'])
+        if track['delays'] and max(before, after) > OTHER_CLOCK and track not in told:
+            yield _Fault(f'all stamps of {shortened(track.child)} are at least '
+                         f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
+                         f'those of {shortened(clock.child)}', [track])
+
+
+@_check('zero_stamp', ERROR,
+        'Transforms on /tf have the stamp 0, so lookups at any other time fail.',
+        'Set the stamp to the time for which the transform is valid; with use_sim_time, wait '
+        'until /clock is received.')
+def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    # A simulation may begin with a single stamp 0.
+    yield from _counted(observation, 'zero_stamps', 'with the stamp 0', lambda track: (
+        track['zero_stamps'] > 1 or not 0 < track['oldest'] < OTHER_CLOCK))
+
+
+@_check('message_other_clock', ERROR,
+        f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those of all '
+        'transforms, so the messages cannot be transformed.',
+        'Is one clock simulated, and the other that of the computer? Set use_sim_time on all '
+        'nodes or on none, and synchronise the clocks of the computers.', 'headers')
+def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
+    newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
+                 default=0)
+    for topic, found in _found(observation, Verdict.OTHER_CLOCK):
+        stamp = int(topic.stamps[found][-1])
+        yield _of_topic(
+            observation, topic, found, 'have stamps of another clock; the last is '
+            f'{exact_time(stamp)}, {in_words(stamp - newest)} '
+            f'{"before" if stamp < newest else "after"} the newest transform')
+
+
+@_check('message_too_old', ERROR,
+        f'When messages arrive, a listener that keeps transforms for {CACHE // SECOND} s has '
+        'dropped those of their stamps.',
+        'Send the messages sooner, or give the listener a longer cache_time.', 'headers')
+def _message_too_old(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _found(observation, Verdict.TOO_OLD):
+        cache = int(topic.waits[found].max())
+        yield _of_topic(
+            observation, topic, found, 'are too old: when they arrive, their transforms are up to '
+            f'{in_words(cache)} older than the newest ones',
+            'Send the messages sooner, or give the listener a cache_time of '
+            f'{ceil(cache / SECOND) + 1} s.')
+
+
+@_check('message_never', ERROR,
+        'The transforms never reach the stamps of messages, so these wait in vain.',
+        'Look at the node that publishes the frame: has it stopped, is its clock slow, or does it '
+        'send so rarely that --time must be longer?', 'headers')
+def _message_never(observation: Observation) -> Iterator[_Fault]:
+    for edge, topics in _by_edge(observation, Verdict.NEVER):
+        topic, found = topics[0]
+        last = int(topic.stamps[found].max())
+        reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
+                  if edge.end < last else
+                  'arrive when those of other edges are not kept any more')
+        fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
+                         f'{_edge_text(observation, edge)} {reason}')
+        yield fault._replace(time=int(edge.end))
+
+
+def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
+           ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
+    """Yield the topics with many messages of a verdict, and which of their messages these are."""
+    for topic in observation.message_times:
+        found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
+        total = len(found) if verdict is Verdict.ZERO_STAMP else topic.judged
+        if found.any() and found.sum() >= _SHARE * total:
+            yield topic, found
+
+
+def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
+             ) -> Iterable[tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]]:
+    """Group what `_found` yields by the edge for which most of the messages wait."""
+    groups: dict[str, tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]] = {}
+    for topic, found in _found(observation, verdict, least_wait):
+        number = np.bincount(topic.edge_numbers[found]).argmax()
+        edge = topic.edges[number]
+        _, topics = groups.setdefault(edge.child, (edge, []))
+        topics.append((topic, found & (topic.edge_numbers == number)))
+    return groups.values()
+
+
+def _of_topic(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_], what: str,
+              remedy: str = '') -> _Fault:
+    """Return a fault of those messages of a topic that were found."""
+    return _Fault(
+        f'{_part(topic, found)} {what}', (), _frames_of(topic, found), [topic.topic],
+        observation.senders.get(topic.topic, ()), remedy)
+
+
+def _of_edge(observation: Observation, edge: Edge,
+             topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str, remedy: str = ''
+             ) -> _Fault:
+    """Return a fault of messages that wait for an edge; `what` is said of those of one topic."""
+    others = [topic.topic for topic, _ in topics[1:]]
+    more = f'; so do messages on {_names(others)}' if others else ''
+    ahead = max(_ahead(observation, *each) for each in topics)
+    clock = (f'; stamps are up to {in_words(ahead)} later than the arrivals: is the clock of the '
+             'sender ahead?' if ahead > FUTURE else '')
+    senders = [node for topic, _ in topics
+               for node in observation.senders.get(topic.topic, ())]
+    return _Fault(
+        f'{_part(*topics[0])} {what}{more}{clock}', (),
+        chain.from_iterable(_frames_of(*each) for each in topics),
+        [topic.topic for topic, _ in topics],
+        [*senders, *map(observation.node_of, observation.dynamic_tracks(edge.child))], remedy)
+
+
+def _ahead(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_]) -> int:
+    """Return by how much stamps are later than their arrivals (ns); 0: not known."""
+    offset = observation.clock_offset
+    if observation.has_record_times:
+        offset = None if 'arrivals' in observation.not_known else 0
+    if offset is None:
+        return 0
+    return max(0, int((topic.stamps - topic.arrivals - offset)[found].max()))
+
+
+def _part(topic: MessageTimes, found: NDArray[np.bool_]) -> str:
+    """Say how many messages of a topic were found."""
+    total = topic.judged if topic.verdicts[found].min() >= Verdict.AT_ONCE else len(found)
+    sample = f' (sampled from {topic.messages})' if topic.step > 1 else ''
+    return f'{found.sum()} of {total} messages{sample} on {shortened(topic.topic)}'
+
+
+def _frames_of(topic: MessageTimes, found: NDArray[np.bool_]) -> list[str]:
+    return [topic.frames[number] for number in np.unique(topic.frame_numbers[found]).tolist()]
+
+
+def _edge_text(observation: Observation, edge: Edge) -> str:
+    tracks = observation.dynamic_tracks(edge.child)
+    node = observation.node_of(max(tracks, key=itemgetter('last_time')))
+    return (f'{shortened(observation.parents[edge.child])} -> {shortened(edge.child)}'
+            f'{f" of {node}" if node else ""}')
+
+
+@_check('half_namespace', ERROR,
+        'Transforms on other topics continue the tree: some nodes of a robot use /tf and '
+        '/tf_static, and others those of a namespace, so no listener receives the whole tree.',
+        'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.')
+def _half_namespace(observation: Observation) -> Iterator[_Fault]:
+    for half in observation.halves:
+        tracks = [track for track in observation.tracks if half.joint in (
+            track.parents if half.is_root_here else [track.child])]
+        topics = sorted({observation.topics[track.is_static] for track in tracks})
+        nodes = dict.fromkeys(filter(None, map(observation.node_of, tracks)))
+        yield _Fault(
+            half_text(half, topics, [*nodes]), tracks, [half.joint], half.topics, half.nodes,
+            half_remedy(half, observation.topics[0]),
+            explains={'several_trees': None, 'disconnected': None, 'other_namespace': None,
+                      'unknown_frame': half.frames})
+
+
+@_check('two_joint_publishers', ERROR,
+        'Two nodes send the position of the same joint, so robot_state_publisher mixes them: the '
+        'frame jumps, or one of the two is ignored.',
+        'Stop one of the two nodes, or remap its topic.')
+def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
+    for topic, all_senders in observation.own_joint_senders.items():
+        groups: dict[tuple[Sender, ...], list[str]] = {}
+        for name in sorted({name for sender in all_senders for name in sender.names}):
+            if senders := rivals([each for each in all_senders if name in each.names]):
+                groups.setdefault((*senders,), []).append(name)
+        for found, joints in groups.items():
+            frames = _frames_of_joints(observation, topic, joints)
+            newest = max(sender.offset for sender in found)
+            late = [f'; the stamps of {sender.node} are {in_words(newest - sender.offset)} earlier'
+                    for sender in found if newest - sender.offset > LATE]
+            codes = ['jump', 'same_stamp', *(
+                ['time_goes_back', 'other_clock', 'late', 'future', 'gap'] if late else [])]
+            yield _Fault(
+                f'{_all_of(found)} send {_names(joints)} on {topic}: {_counts(found)} messages'
+                f'{"".join(late)}', (), frames, [topic], [sender.node for sender in found],
+                explains=dict.fromkeys(codes, frames))
+
+
+def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str]) -> list[str]:
+    """Return the frames that some joints move; of an unknown robot, all that may be."""
+    known = [start + link for robot, start in observation.own_robots
+             if joint_states_of(robot.topic) == topic
+             for joint in joints for link in robot.joints.get(joint, ())]
+    readers = {*observation.joint_readers.get(topic, ())}
+    return known or [track.child for track in observation.tracks
+                     if not track.is_static and observation.node_of(track) in readers]
+
+
+def _all_of(senders: Sequence[Sender]) -> str:
+    names = [sender.node for sender in senders]
+    return (f'{" and ".join(names)} both' if len(names) == 2 else
+            f'{comma_list(names, SHOWN)} all')
+
+
+def _counts(senders: Sequence[Sender]) -> str:
+    return ' and '.join(str(sender.count) for sender in senders)
+
+
+@_check('two_clocks', ERROR,
+        'Two nodes publish /clock, so the time jumps back and forth, and buffers of nodes that '
+        'use it are cleared again and again.',
+        'Let one node publish /clock: stop the other simulation or bridge, or play the bag '
+        'without --clock.')
+def _two_clocks(observation: Observation) -> Iterator[_Fault]:
+    if senders := rivals(observation.clocks):
+        times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
+        # No stamp can be compared with the time.
+        explains = [code for code in CHECKS if code.startswith('message_')]
+        yield _Fault(
+            f'{_all_of(senders)} publish /clock: {_counts(senders)} messages, with the last times '
+            f'{times}', (), (), ['/clock'], [sender.node for sender in senders],
+            explains=dict.fromkeys([*explains, 'other_clock', 'time_goes_back', 'late', 'future',
+                                    'gap', 'one_shot'], None))
+
+
+@_check('use_sim_time_differs', WARNING,
+        'While /clock is published, the parameter use_sim_time is true in some nodes and false '
+        'in others, so their stamps and lookups are on different clocks.',
+        'Set use_sim_time in all of these nodes (--ros-args -p use_sim_time:=true), or in none.')
+def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
+    answers = observation.use_sim_time
+    using = [node for node, uses in answers.items() if uses]
+    others = [node for node, uses in answers.items()
+              if not uses and _needs_time(observation, node)]
+    if not (using and others and observation.clocks):
+        return
+    foreign = [node for node in others if _is_foreign(observation, node)]
+    is_harmless = not foreign and not {*others} & {*observation.tf_listeners}
+    clocks = dict.fromkeys(sender.node for sender in observation.clocks)
+    yield _Fault(
+        f'use_sim_time is false in {_names(others)}, and true in {_names(using)}, while '
+        f'{_names(clocks)} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (), (),
+        others,
+        severity=ERROR if foreign else INFO if is_harmless else '',
+        # Those with the simulated clock are found if this node does not use it.
+        explains=dict.fromkeys(
+            ['other_clock', 'message_other_clock'], [*foreign, *using] if foreign else []))
+
+
+def _needs_time(observation: Observation, node: str) -> bool:
+    """Return whether a node listens to transforms, or sends stamps."""
+    return node in observation.tf_listeners or any(
+        observation.node_of(track) == node and not track.is_static
+        for track in observation.tracks) or any(
+            node in nodes for nodes in observation.senders.values())
+
+
+def _is_foreign(observation: Observation, node: str) -> bool:
+    """Return whether a node sends stamps that are far from the time on /clock."""
+    stamps = [int(track['stamp']) for track in observation.tracks
+              if observation.node_of(track) == node and not track.is_static]
+    stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
+               if headers.stamps and node in observation.senders.get(topic, ())]
+    now = observation.clocks[0].stamp
+    return any(stamp and abs(stamp - now) > OTHER_CLOCK for stamp in stamps)
+
+
+# Warnings
+
+
+@_check('message_early', WARNING,
+        f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
+        'so lookups without a timeout fail.',
+        'Wait for the transforms, or let them be sent sooner.', 'headers')
+def _message_early(observation: Observation) -> Iterator[_Fault]:
+    for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+        topics.sort(key=lambda each: -each[0].quantiles()[2])
+        topic, _ = topics[0]
+        median, most, largest = topic.quantiles()
+        yield _of_edge(
+            observation, edge, topics, 'can be transformed only after waiting for the edge '
+            f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
+            f'{largest:.3g} s (largest)',
+            f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
+            f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
+            '...). Or let the transforms be sent sooner.')
+
+
+@_check('message_zero_stamp', WARNING,
+        'Messages have the stamp 0, so every lookup takes the latest transform.',
+        'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
+        'received.', 'headers')
+def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _found(observation, Verdict.ZERO_STAMP):
+        yield _of_topic(observation, topic, found, 'have the stamp 0')
+
+
+@_check('gap', WARNING,
+        f'The time from one stamp to the next one is often longer than {_GAP} periods, or once '
+        f'much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published any '
+        'more; lookups in between interpolate over the gap or wait.',
+        'Look at the node that publishes the frame: has it stopped, is it busy, does it lose '
+        'input, or does it publish only when something happens?')
+def _gap(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(_has_gap):
+        worst = max(tracks, key=itemgetter('largest_step'))
+        beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
+        before = int(worst['largest_step_at'])
+        yield _Fault(
+            f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
+            f'after {exact_time(before)}; the usual period is {worst.period / SECOND:.2g} s; '
+            f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} '
+            'periods', tracks, time=before)
+    end = max((track['last_time'] for track in observation.tracks if not track.is_static),
+              default=0)
+    end = max(end, observation.end)
+    ended = {track for tracks in observation.by_child.values()
+             if (track := max(tracks, key=itemgetter('last_time')))['steps'].sum() >= _FEWEST
+             and track['last_time']
+             and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
+    for tracks in observation.by_publisher(ended.__contains__):
+        silence = max(end - track['last_time'] for track in tracks)
+        yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
+                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before', tracks,
+                     time=min(int(track['latest']) for track in tracks))
+
+
+def _has_gap(track: Track) -> bool:
+    steps, period = int(track['steps'].sum()), max(track.period, _SHORTEST_PERIOD)
+    return steps >= _FEWEST and bool(
+        track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
+        or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
+
+
+@_check('jump', WARNING,
+        f'A frame moves from one pose to the next {_JUMP} times as fast as it does otherwise; two '
+        'publishers or a wrong measurement can be the cause.',
+        'If two nodes publish the frame, stop one of them; otherwise, look at the node that '
+        'computes its pose.')
+def _jump(observation: Observation) -> Iterator[_Fault]:
+    for track in observation.tracks:
+        limit = _JUMP * track['usual_speed']
+        if track['steps'].sum() < _FEWEST or track['jump'] < SMALLEST_JUMP or (
+                track['largest_speed'] <= limit):
+            continue
+        # REP 105: the frame odom may jump in map, when the robot is localised.
+        is_localisation = (track.child.rpartition('/')[2] == 'odom' and all(
+            parent.rpartition('/')[2] == 'map' for parent in track.parents))
+        yield _Fault(
+            f'{track.jumps_beyond(limit)} of {track["count"]} transforms of '
+            f'{shortened(track.child)} jump; at {exact_time(int(track["jump_at"]))}, by '
+            f'{track["jump"]:.3g} (m plus rad), {track["largest_speed"]:.3g} per second; '
+            f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
+            severity=INFO if is_localisation else '', time=int(track['jump_at']))
+
+
+@_check('one_shot', WARNING,
+        'A frame was sent once on /tf and never again, so it is in the past of all other frames.',
+        'If it does not move, publish it on /tf_static, by a StaticTransformBroadcaster; '
+        'otherwise, publish it again and again.')
+def _one_shot(observation: Observation) -> Iterator[_Fault]:
+    end = max([observation.end, *(track['last_time'] for track in observation.tracks)])
+    once = {track for tracks in observation.by_child.values()
+            if len(tracks) == 1 and not (track := tracks[0]).is_static and track['count'] == 1
+            and track['last_time'] and end - track['last_time'] > _ONCE}
+    for tracks in observation.by_publisher(once.__contains__):
+        yield _Fault(f'one transform of {_names(map(_child_of, tracks))} in '
+                     f'{in_words(end - tracks[0]["last_time"])}', tracks)
+
+
+@_check('late', WARNING,
+        f'Transforms arrive more than {LATE / SECOND:g} s after their stamp; lookups at the '
+        'present time wait for them.',
+        'Look at the node that publishes the frame and at the network: one of them is too slow, '
+        'or the clocks of two computers differ.', 'arrivals')
+def _late(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'late')):
+        worst = max(tracks, key=itemgetter('greatest_delay'))
+        # Stamps of the future can make the mean negative.
+        mean = f'{in_words(worst.mean_delay)}, the largest ' if worst.mean_delay > 0.0 else ''
+        yield _Fault(f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
+                     f'stamp; the {"mean" if mean else "largest"} delay of '
+                     f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}',
+                     tracks)
+
+
+def _is_frequent(track: Track, field: str) -> bool:
+    return bool(track[field] > _SHARE * track['delays'])
+
+
+@_check('future', WARNING,
+        f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.',
+        'Synchronise the clocks of the computers; some localisation nodes date their transforms '
+        'into the future on purpose (transform_tolerance).', 'arrivals')
+def _future(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'future')):
+        worst = min(tracks, key=itemgetter('least_delay'))
+        yield _Fault(f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
+                     f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
+                     f'ahead ({shortened(worst.child)})', tracks)
+
+
+@_check('time_goes_back', WARNING,
+        f'A stamp is earlier than the one before it; listeners refuse those that are more than '
+        f'{CACHE // SECOND} s earlier.',
+        'Send the transforms of a frame in the order of their stamps; if a simulation or a bag '
+        'was started again, restart the listeners, too.')
+def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: track['backwards'] or (
+            _is_refused_for_another(observation, track))):
+        worst = max(tracks, key=itemgetter('step_back'))
+        refused = [track for track in tracks if track in observation.refused]
+        texts = [_refused_text(observation, refused)] if refused else []
+        if worst['backwards']:
+            texts.append(f'{_share(tracks, "backwards")} with an earlier stamp than the one '
+                         f'before; the largest step back is {in_words(worst["step_back"])} '
+                         f'({shortened(worst.child)})')
+        yield _Fault('; '.join(texts), tracks, nodes=[
+            observation.node_of(observation.refused[track].by) for track in refused],
+            remedy=_REFUSED_REMEDY if refused else '', time=int(worst['step_back_at']))
+
+
+def _is_refused_for_another(observation: Observation, track: Track) -> bool:
+    """Return whether another publisher, which has ended or sends little, makes them old."""
+    refused = observation.refused.get(track)
+    return refused is not None and refused.by is not track and bool(
+        refused.number > _MANY_REFUSED * refused.by['count']
+        or not _exist_together(observation, track, refused.by))
+
+
+_REFUSED_REMEDY = (
+    'Restart the nodes that listen, or call clear() of their buffers; before a simulation or a '
+    'bag starts again, stop the nodes that publish its transforms.')
+
+
+def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
+    worst = max(tracks, key=lambda track: observation.refused[track].number)
+    refused, node = observation.refused[worst], observation.node_of(worst)
+    count = sum(observation.refused[track].number for track in tracks)
+    by = observation.node_of(refused.by)
+    return (f'{count} transform{"s" if count > 1 else ""} of '
+            f'{comma_list([track.child for track in tracks], SHOWN, quoted)}'
+            f'{f" from {node}" if node else ""} {"were" if count > 1 else "was"} refused by a '
+            f'buffer with the default cache of {CACHE // SECOND} s, since one at '
+            f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
+
+
+@_check('same_stamp', WARNING,
+        'Two transforms of a frame have the same stamp and different poses; which of them is '
+        'used depends on the listener.',
+        'Set the stamp of each transform to its own time; if two nodes publish the frame, stop '
+        'one of them.')
+def _same_stamp(observation: Observation) -> Iterator[_Fault]:
+    yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
+                        'pose', lambda track: not track.is_static)
+
+
+@_check('leading_slash', WARNING,
+        'The name of a frame begins with a slash, as in ROS 1; tf2 refuses lookups of such a '
+        'name.',
+        'Leave out the slash.')
+def _leading_slash(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(attrgetter('slashed')):
+        names = sorted({name for track in tracks for name in track.slashed})
+        yield _Fault(f'{len(names)} {"names begin" if len(names) > 1 else "name begins"} with a '
+                     f'slash in transforms: {_names(names)}', tracks, names)
+    for frame, topics in observation.topics_of.items():
+        if frame.startswith('/'):
+            yield _Fault(f'the headers on {_names(topics)} name {quoted(frame)}',
+                         frames=[frame], topics=topics)
+
+
+@_check('empty_name', WARNING,
+        'The name of a frame is empty; listeners refuse the transform.',
+        'Set frame_id and child_frame_id of each transform.')
+def _empty_name(observation: Observation) -> Iterator[_Fault]:
+    for (publisher, is_static), names in observation.statistics.empty_names.items():
+        others = sorted(filter(None, names))
+        text = f'; the other name is {_names(others)}' if others else ''
+        count = sum(names.values())
+        yield _Fault(f'{count} transform{"s" if count > 1 else ""} with an empty frame_id or '
+                     f'child_frame_id{text}', (), others, [observation.topics[is_static]],
+                     [observation.nodes.get(publisher, '')])
+
+
+@_check('similar_name', WARNING,
+        'The root of a tree has almost the same name as a frame of another tree; it may be a '
+        'mistake in the name that separates the trees.',
+        'If both are the same frame, use the same name.')
+def _similar_name(observation: Observation) -> Iterator[_Fault]:
+    roots = [root for tree in observation.trees for root in observation.roots(tree)]
+    seen = set()
+    for root in roots[:_MOST_ROOTS]:
+        for name, tree in observation.tree_of.items():
+            if (tree != observation.tree_of[root] and (name, root) not in seen
+                    and is_slip(root, name)
+                    and not _are_alike(*(observation.trees[i]
+                                         for i in (tree, observation.tree_of[root])))):
+                seen.add((root, name))
+                yield _Fault(
+                    f'{quoted(root)} is a root, and {quoted(name)} is in another tree',
+                    [track for track in observation.tracks if root in track.parents], [root, name])
+
+
+def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
+    """Return whether two trees are those of similar robots: the names differ on purpose."""
+    return len(names) == len(others) and all(
+        is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
+
+
+@_check('other_namespace', WARNING,
+        'Nothing publishes on /tf, but there are transforms on the topic tf of a namespace.',
+        'Use the option that is named above, or publish on /tf and /tf_static.')
+def _other_namespace(observation: Observation) -> Iterator[_Fault]:
+    if observation.other_namespaces:
+        yield _Fault(observation.other_namespaces, topics=observation.topics[:1])
+
+
+@_check('missing_part', WARNING,
+        'Only later parts of a split recording were read, and they have no static transforms.',
+        'Read all parts of the recording: give its directory, or all its files.')
+def _missing_part(observation: Observation) -> Iterator[_Fault]:
+    if observation.missing_part:
+        yield _Fault(observation.missing_part, topics=observation.topics[1:])
+
+
+@_check('link_without_transform', WARNING,
+        'No transform leads to a link of a robot description, so its shapes are not drawn, and '
+        'its frame cannot be used.',
+        'Start robot_state_publisher with this description; if it runs, compare its frame_prefix '
+        'with the names of the frames.')
+def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
+    for robot, start in observation.own_robots:
+        silent = {link for joint, links in robot.joints.items() for link in links
+                  if robot.states.get(joint) != ''}  # see joint_without_state
+        # Only the root can be known by its children alone.
+        known = observation.parents.keys() | ({start + robot.root} & observation.tree_of.keys())
+        missing = [start + link for link in robot.links
+                   if link not in silent and start + link not in known]
+        if missing:
+            yield _Fault(f'{len(missing)} of {len(robot.links)} links have no '
+                         f'transform: {_names(missing)}', (), missing, [robot.topic])
+
+
+# Infos
+
+
+@_check('several_trees', INFO,
+        'The transforms form several trees; lookups from one to another fail.',
+        'If the trees belong to one robot, publish a transform between them.')
+def _several_trees(observation: Observation) -> Iterator[_Fault]:
+    if len(observation.trees) > 1:
+        roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]
+        yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots,
+                     remedy=observation.missing_part)
+
+
+@_check('static_changes', INFO,
+        'A transform on /tf_static changes; late listeners know only the newest one, for all '
+        'times.',
+        'Publish a transform that changes on /tf.')
+def _static_changes(observation: Observation) -> Iterator[_Fault]:
+    yield from _counted(observation, 'changes', 'with another pose than the one before',
+                        attrgetter('is_static'))
+
+
+@_check('rep_105', INFO,
+        'The order of earth, map, odom and base_link is not that of REP 105.',
+        'Publish these frames as earth -> map -> odom -> base_link; leave out those that you do '
+        'not need.')
+def _rep_105(observation: Observation) -> Iterator[_Fault]:
+    known = [name for name in _REP_105 if name in observation.tree_of]
+    for upper, lower in pairwise(known):
+        if (observation.tree_of[upper] == observation.tree_of[lower]
+                and upper not in observation.ancestors(lower)):
+            is_above = lower in observation.ancestors(upper)
+            lowest = upper if is_above else lower
+            path = [lowest, *observation.ancestors(lowest)][::-1]
+            yield _Fault(f'{lower} is {"above" if is_above else "not below"} {upper}: '
+                         f'{" -> ".join(map(shortened, path[-SHOWN:]))}',
+                         [track for name in (upper, lower)
+                          for track in observation.by_child.get(name, ())], [upper, lower])

@@ -1,0 +1,366 @@
+"""The data that are checked: statistics of the transforms, and facts about their publishers."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain, pairwise
+from operator import itemgetter
+import os
+from typing import NamedTuple, Optional, TYPE_CHECKING
+
+import numpy as np
+
+from puretf.bag import Headers, messages, missing_part, NOT_RECORDED, Topic
+from puretf.formatting import comma_list, namespace_path, SECOND
+from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
+from puretf_tools.doctor.tf_statistics import Statistics, Track
+from puretf_tools.inspection.feeds import Half, halves, OtherTopic, Sender
+from puretf_tools.inspection.robots import prefix, Robot
+from puretf_tools.inspection.traffic import recreated
+
+if TYPE_CHECKING:
+    from puretf.bag import Paths
+
+#: A function of a bag, `partial` and `on_progress`, as of `puretf.bag.read`.
+ReadRobots = Callable[
+    ['Paths', bool, Optional[Callable[[float], object]]], Sequence[Robot]]
+#: The largest number of names in a text.
+SHOWN = 5
+
+
+class Endpoint(NamedTuple):
+    """A publisher on /tf or /tf_static."""
+
+    topic: str
+    node: str  #: the full name of its node
+    publisher: str = ''  #: as `Track.publisher`; '': not known
+    wrong_type: str = ''  #: its type, if it is not TFMessage
+    #: The durability, if the topic is /tf_static and later listeners miss the messages.
+    unlatched: str = ''
+    mismatch: str = ''  #: the listener whose QoS it does not match, and why; '': it matches all
+
+
+class Refused(NamedTuple):
+    """Transforms that a buffer refuses, since they are older than its cache reaches back."""
+
+    number: int
+    newer: int  #: the newest stamp before the last of them (ns)
+    by: Track  #: the track with this stamp
+
+
+@dataclass
+class Observation:
+    """The transforms received or recorded within some time, and their publishers."""
+
+    statistics: Statistics
+    where: str  #: where the transforms are from, such as 'in 5 s'
+    topics: tuple[str, str] = ('/tf', '/tf_static')  #: of dynamic and of static transforms
+    #: By publisher: the full name of its node.
+    nodes: Mapping[str, str] = field(default_factory=dict)
+    present: Optional[Collection[str]] = None  #: the publishers that exist at the end; None: all
+    endpoints: Sequence[Endpoint] = ()  #: those on the topics; of a bag, those of a wrong type
+    volatile_listeners: Sequence[str] = ()  #: nodes that subscribe to /tf_static, volatile
+    headers: Mapping[str, Headers] = field(default_factory=dict)  #: by topic
+    #: By topic with headers: the full names of the nodes that publish it, if known.
+    senders: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    robots: Sequence[Robot] = ()  #: those with a description
+    #: By topic of joint states: the publishers that have sent some, and the nodes that read them.
+    joint_senders: Mapping[str, Sequence[Sender]] = field(default_factory=dict)
+    joint_readers: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    clocks: Sequence[Sender] = ()  #: the publishers on /clock
+    #: When the time on /clock has jumped back, so that buffers of nodes that use it were cleared
+    #: (ns, on the clock of the arrivals).
+    clears: Sequence[int] = ()
+    #: By node: whether it uses /clock, if it has answered. Tools are left out.
+    use_sim_time: Mapping[str, bool] = field(default_factory=dict)
+    tf_listeners: Collection[str] = ()  #: the nodes that subscribe to the dynamic transforms
+    other_transforms: Sequence[OtherTopic] = ()  #: what was received on the other topics
+    tf_topics: Collection[str] = ()  #: the other topics with transforms
+    #: What is not known, and why; see `Check.needs`.
+    not_known: dict[str, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)  #: what was not counted, and why
+    missing_part: str = ''  #: which part of a recording is missing, with the static transforms
+    why_no_transforms: str = ''  #: where to look if there are no transforms
+    other_namespaces: str = ''  #: which topics have transforms if /tf has none
+    #: True if the arrivals are times of a recording, which may be on another clock than all stamps
+    has_record_times: bool = False
+    end: int = 0  #: the end of the observation (ns), on the clock of the stamps; 0: not known
+    #: Of a live system: the present time on the clock of the stamps minus that of the computer,
+    #: which dates the arrivals (ns); None: not known.
+    clock_offset: Optional[int] = None
+    clock_hint: str = ''  #: a text about this computer's clock, for stamps from another clock
+    #: The track with the most transforms, if a bag was recorded with another clock than that of
+    #: most stamps.
+    clock: Optional[Track] = None
+
+    def __post_init__(self) -> None:
+        """Derive attributes from the statistics."""
+        self.tracks = self.statistics.tracks()
+        self._edges: dict[frozenset[tuple[int, ...]], Optional[Edge]] = {}
+        if self.statistics.not_counted:
+            self.not_known['headers'] = 'there are too many frames'
+            self.left_out.append(
+                f'{self.statistics.not_counted} transforms: there are too many frames')
+        for error, count in self.statistics.malformed.most_common(SHOWN):
+            self.left_out.append(
+                f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
+        self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
+                          for robot in self.robots if robot.problem]
+        if self.has_record_times and 2 * total(self.tracks, 'foreign') > total(
+                self.tracks, 'delays'):
+            self.clock = max(self.tracks, key=itemgetter('delays'))
+            self.not_known.setdefault(
+                'arrivals', 'the bag was recorded with another clock than that of the stamps; '
+                f'they are about {in_words(self.clock.mean_delay)} apart')
+
+    @cached_property
+    def by_child(self) -> dict[str, list[Track]]:
+        """The tracks of each child."""
+        tracks: dict[str, list[Track]] = {}
+        for track in self.tracks:
+            tracks.setdefault(track.child, []).append(track)
+        return tracks
+
+    @cached_property
+    def parents(self) -> dict[str, str]:
+        """By child: the newest parent."""
+        return {child: [*max(tracks, key=itemgetter('last_time')).parents][-1]
+                for child, tracks in self.by_child.items()}
+
+    @cached_property
+    def trees(self) -> list[list[str]]:
+        """The frames of each tree, in the order of appearance; earlier parents count, too."""
+        neighbours: dict[str, list[str]] = {}
+        for track in self.tracks:
+            for parent in track.parents:
+                neighbours.setdefault(parent, []).append(track.child)
+                neighbours.setdefault(track.child, []).append(parent)
+        trees: list[list[str]] = []
+        seen: set[str] = set()
+        for start in neighbours:
+            if start not in seen:
+                seen.add(start)
+                tree = [start]
+                for name in tree:
+                    new = [other for other in neighbours[name] if other not in seen]
+                    seen.update(new)
+                    tree += dict.fromkeys(new)
+                trees.append(tree)
+        return trees
+
+    @cached_property
+    def tree_of(self) -> dict[str, int]:
+        """By frame: the index of its tree in `trees`."""
+        return {name: i for i, tree in enumerate(self.trees) for name in tree}
+
+    def _is_own(self, topic: str) -> bool:
+        """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
+        namespace = self.topics[0].rpartition('/')[0]
+        namespaces = {namespace, *(name.rpartition('/')[0] for name in self.tf_topics)}
+        while topic and topic not in namespaces:
+            topic = topic.rpartition('/')[0]
+        return topic == namespace
+
+    @cached_property
+    def own_headers(self) -> dict[str, Headers]:
+        """Those `headers` whose nearest namespace with transforms is that of `topics`."""
+        return {topic: headers for topic, headers in self.headers.items() if self._is_own(topic)}
+
+    @cached_property
+    def own_robots(self) -> list[tuple[Robot, str]]:
+        """Those `robots` whose namespace is that of `topics`, and the prefix of their frames."""
+        return [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
+                for robot in self.robots if self._is_own(robot.topic)]
+
+    @cached_property
+    def own_joint_senders(self) -> dict[str, Sequence[Sender]]:
+        """Those `joint_senders` whose namespace is that of `topics`."""
+        return {topic: senders for topic, senders in self.joint_senders.items()
+                if self._is_own(topic)}
+
+    @cached_property
+    def halves(self) -> list[Half]:
+        """The other topics with a part of the same tree."""
+        return halves(self.parents, self.topics[0], self.other_transforms)
+
+    @cached_property
+    def refused(self) -> dict[Track, Refused]:
+        """What a buffer with the default cache refuses of each track, if it refuses anything."""
+        found: dict[Track, Refused] = {}
+        for tracks in self.by_child.values():
+            tracks = [track for track in tracks if not track.is_static and track['latest']]
+            if not tracks or max(track['latest'] for track in tracks) - min(
+                    track['oldest'] for track in tracks) <= CACHE or (
+                        len(tracks) == 1 and not tracks[0]['backwards']):
+                continue
+            arrived = [self.statistics.arrivals(self.statistics.together([track]))
+                       for track in tracks]
+            times, stamps = (np.concatenate(each) for each in zip(*arrived))
+            numbers = np.repeat(np.arange(len(tracks)), [len(each) for each, _ in arrived])
+            order = np.argsort(times, kind='stable')
+            times, stamps, numbers = times[order], stamps[order], numbers[order]
+            begins = [0, *times.searchsorted(sorted(self.clears)).tolist(), len(times)]
+            for begin, end in pairwise(begins):
+                newest = np.maximum.accumulate(stamps[begin:end])
+                is_refused = stamps[begin:end] < newest - CACHE
+                for number, track in enumerate(tracks):
+                    indices = np.flatnonzero(is_refused & (numbers[begin:end] == number))
+                    if len(indices):
+                        newer = newest[indices[-1]]
+                        by = tracks[numbers[begin + int(newest.searchsorted(newer))]]
+                        before = found[track].number if track in found else 0
+                        found[track] = Refused(before + len(indices), int(newer), by)
+        return found
+
+    @cached_property
+    def message_times(self) -> list[MessageTimes]:
+        """From when on the messages with `own_headers` can be transformed at their stamps."""
+        if not self.own_headers:
+            return []
+        arrivals = [*self.statistics.span_of_arrivals(), *chain.from_iterable(
+            (min(headers.arrivals), max(headers.arrivals))
+            for headers in self.own_headers.values() if headers.arrivals)]
+        judge = Judge(
+            self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
+                                if track['latest'] and not track.is_static],
+            min(arrivals, default=0), max(arrivals, default=0), self.clock_offset,
+            self.statistics.settling)
+        return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
+
+    def dynamic_tracks(self, child: str) -> list[Track]:
+        """Return the tracks of a child on /tf."""
+        return [track for track in self.by_child.get(child, ()) if not track.is_static]
+
+    def _edges_above(self, frame: str) -> Optional[list[Edge]]:
+        """Return the dynamic edges from a frame to its root; None: it is in no tree."""
+        name = frame.removeprefix('/')
+        path = [name, *self.ancestors(name)]
+        if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
+            return None
+        # Edges whose transforms always arrive together are judged once.
+        edges: dict[frozenset[tuple[int, ...]], Edge] = {}
+        for child in path:
+            tracks = self.dynamic_tracks(child)
+            key = self.statistics.together(tracks)
+            if not tracks or key in edges:
+                continue
+            if key not in self._edges:
+                arrivals, stamps = self.statistics.arrivals(key)
+                self._edges[key] = Edge(child, arrivals, stamps) if len(stamps) else None
+            if (edge := self._edges[key]) is None:
+                return None
+            edges[key] = copy(edge)
+            edges[key].child = child
+        return [*edges.values()]
+
+    @cached_property
+    def topics_of(self) -> dict[str, list[str]]:
+        """By the frame of headers, in alphabetical order: the topics with these headers."""
+        topics: dict[str, list[str]] = {}
+        for topic, headers in self.own_headers.items():
+            for frame in headers.frames:
+                topics.setdefault(frame, []).append(topic)
+        return dict(sorted(topics.items()))
+
+    @cached_property
+    def recreated(self) -> dict[tuple[str, str], list[str]]:
+        """
+        By node and topic: the publishers that the node creates one after another.
+
+        A publisher that is destroyed at once has no known node: it is not found in the ROS graph.
+        """
+        groups: dict[tuple[str, str], dict[str, set[str]]] = {}
+        for endpoint in self.endpoints:
+            if endpoint.publisher:
+                group = groups.setdefault((endpoint.node, endpoint.topic), {})
+                group[endpoint.publisher] = set()
+        for track in self.tracks:
+            key = self.node_of(track), self.topics[track.is_static]
+            groups.setdefault(key, {}).setdefault(track.publisher, set()).add(track.child)
+        return {key: found for key, group in groups.items() if (found := recreated(group))}
+
+    def roots(self, tree: Iterable[str]) -> list[str]:
+        """Return the frames of a tree that have no parent: none if the tree is a loop."""
+        return [name for name in tree if name not in self.parents]
+
+    def ancestors(self, name: str) -> list[str]:
+        """Return the frames above a frame, the parent first; in a loop, each frame once."""
+        found: dict[str, None] = {}
+        while (name := self.parents.get(name, '')) and name not in found:
+            found[name] = None
+        return [*found]
+
+    def by_publisher(self, is_wanted: Callable[[Track], object]) -> list[list[Track]]:
+        """Group the tracks that meet a condition by publisher and topic."""
+        groups: dict[tuple[str, bool], list[Track]] = {}
+        for track in filter(is_wanted, self.tracks):
+            groups.setdefault((track.publisher, track.is_static), []).append(track)
+        return [*groups.values()]
+
+    def node_of(self, track: Track) -> str:
+        """Return the full name of the node of a track; '' if it is not known."""
+        return self.nodes.get(track.publisher, '')
+
+
+def total(tracks: Iterable[Track], statistic: str) -> int:
+    """Return the sum of one statistic of tracks."""
+    return sum(int(track[statistic]) for track in tracks)
+
+
+def in_words(nanoseconds: float) -> str:
+    """Return a time span in s, with three significant digits; from 1000 s on, rounded to 1 s."""
+    seconds = abs(nanoseconds) / SECOND
+    return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
+
+
+def name_of(bag: 'Paths') -> str:
+    """Return the path of a bag for texts; of several files, the first."""
+    paths = [bag] if isinstance(bag, (str, os.PathLike)) else [*bag]
+    return str(paths[0]) if paths else ''
+
+
+def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
+                on_progress: Optional[Callable[[float], object]] = None,
+                read_robots: Optional[ReadRobots] = None) -> Observation:
+    """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""
+    bag = bag if isinstance(bag, (str, os.PathLike)) else [*bag]  # an iterator is read once
+    statistics, topics = Statistics(), list[Topic]()
+    statistics.add_messages(messages(
+        bag, namespace=namespace, partial=partial, on_progress=on_progress,
+        on_topics=topics.extend))
+    nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
+    tracks = statistics.tracks()
+    path = namespace_path(namespace)
+    own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
+    latched = [topic for topic in topics if topic.name == static and topic.is_tf]
+    not_known = {'listeners': 'a bag does not record the listeners'}
+    if any({*topic.durabilities} <= {'UNKNOWN'} for topic in latched):
+        not_known['qos'] = 'the bag does not record the QoS of the publishers'
+    if not nodes:
+        not_known['nodes'] = 'the bag does not record which node has sent a message'
+    if not any(track['delays'] for track in tracks):
+        not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
+    tf_topics = [topic.name for topic in topics if topic.is_tf and topic.name not in own_topics
+                 and topic.name.removesuffix('_static').endswith('/tf')]
+    others = [topic for topic in tf_topics if topic.endswith('/tf')]
+    has_static = any(track.is_static for track in tracks)
+    has_robots = any(topic.name.endswith('/robot_description') for topic in topics)
+    return Observation(
+        statistics, f'in {name_of(bag)}', own_topics, nodes=nodes,
+        endpoints=[*(Endpoint(topic.name, '', wrong_type=topic.msgtype) for topic in topics
+                     if topic.name in own_topics and not topic.is_tf),
+                   *(Endpoint(static, '', unlatched=durability) for topic in latched
+                     for durability in topic.durabilities
+                     if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
+        headers={topic.name: topic.headers for topic in topics
+                 if topic.headers and topic.headers.count},
+        robots=read_robots(bag, partial, on_progress) if has_robots and read_robots else (),
+        tf_topics=tf_topics, not_known=not_known, has_record_times=True,
+        left_out=[
+            f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'
+            for topic in topics if topic.headers is None],
+        missing_part='' if has_static else missing_part(bag),
+        other_namespaces='' if not others or not all(track.is_static for track in tracks) else (
+            f'there is no dynamic transform on {dynamic}, but there are transforms on '
+            f'{comma_list(others, SHOWN)}: use --namespace'))

@@ -1,0 +1,150 @@
+"""The report of all checks."""
+
+from collections.abc import Callable, Collection, Sequence
+import os
+from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
+
+from puretf.formatting import comma_list, see, shortened, suggest_names, visible
+from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
+from puretf_tools.doctor.message_times import Verdict
+from puretf_tools.doctor.observation import (
+    name_of,
+    Observation,
+    observe_bag,
+    ReadRobots,
+    SHOWN,
+)
+from puretf_tools.inspection.terminal import wrapped
+
+if TYPE_CHECKING:
+    from puretf.bag import Paths
+
+
+class Report(NamedTuple):
+    """The findings of all checks; `str` returns the text that `tf_doctor` prints."""
+
+    findings: list[Finding]  #: errors first, then warnings, then infos
+    #: For each topic with headers, from when on its messages can be transformed at their stamps:
+    #: 'topic', 'messages', 'judged' (at most 20 000), the shares (from 0 to 1) 'at_once',
+    #: 'waiting' and 'never', the waits (s) 'median_wait', 'wait_of_95_percent' and 'largest_wait',
+    #: and 'queue', the size that a MessageFilter needs.
+    topics: list[dict[str, Any]]
+    not_checked: list[str]  #: what could not be checked, and why
+    verdict: str  #: the number of findings, of transforms and of frames, in one line
+
+    @property
+    def has_errors(self) -> bool:
+        """True if a finding is an error."""
+        return any(finding.severity == ERROR for finding in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return a dict of plain values, as in the JSON of `tf_doctor`."""
+        return {**self._asdict(), 'findings': [
+            {name: [*value] if isinstance(value, tuple) else value
+             for name, value in finding._asdict().items()} for finding in self.findings]}
+
+    def __str__(self) -> str:
+        """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""
+        lines = []
+        for finding in self.findings:
+            names = comma_list(finding.frames or finding.topics, SHOWN, shortened)
+            topics, nodes = (comma_list(each, SHOWN) for each in (finding.topics, finding.nodes))
+            where = ', '.join(filter(None, [topics and f'on {topics}', nodes and f'by {nodes}']))
+            texts = [f'{finding.evidence.rstrip(".")}.',
+                     *([f'{where[0].upper()}{where[1:]}.'] if where else []),
+                     finding.remedy + see(finding.section)]
+            lines += [visible(f'{finding.severity} {finding.code}: {names}'),
+                      *(line for text in texts for line in wrapped(visible(text), '    ')), '']
+        if self.topics:
+            lines += [*map(visible, _table(self.topics)), '']
+        for text in self.not_checked:
+            lines += wrapped(visible(f'not checked: {text}'))
+        return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
+
+
+def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = (),
+            namespace: str = '', partial: bool = False,
+            on_progress: Optional[Callable[[float], object]] = None,
+            read_robots: Optional[ReadRobots] = None) -> Report:
+    """
+    Run all checks on the transforms of a bag.
+
+    :param observed: path of the bag, as for `puretf.bag.read`; or an `Observation`, such as
+        one of a live system.
+    :param ignore: the codes of the checks to skip.
+    :param namespace: as for `puretf.bag.read`.
+    :param partial: as for `puretf.bag.read`.
+    :param on_progress: as for `puretf.bag.read`.
+    :param read_robots: `puretf_tools.robot.observed.robots_in_bag`, to check the robots whose
+        descriptions the bag has; this needs urdf_parser_py.
+    :raises ValueError: if a code is unknown.
+    :raises BagError: if the bag cannot be read, or has no topic with transforms.
+    :raises OSError: if the file cannot be read.
+    """
+    check_codes(ignore)
+    observation = observed if isinstance(observed, Observation) else observe_bag(
+        observed, namespace, partial, on_progress, read_robots)
+    findings = diagnose(observation, ignore)
+    counts = {severity: sum(finding.severity == severity for finding in findings)
+              for severity in SEVERITIES}
+    found = ', '.join(_count(count, severity) for severity, count in counts.items() if count)
+    topics = [] if 'headers' in observation.not_known else [
+        topic.row() for topic in observation.message_times
+        if topic.judged or topic.count(Verdict.ZERO_STAMP)]
+    unknown = [*not_checked(observation, ignore), *observation.left_out]
+    return Report(findings, topics, unknown, visible(
+        f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
+        f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
+
+
+def examine_bag(bag: 'Paths', *, ignore: Collection[str] = (), namespace: str = '',
+                partial: bool = False, on_progress: Optional[Callable[[float], object]] = None,
+                read_robots: Optional[ReadRobots] = None) -> dict[str, Any]:
+    """
+    Examine one of many bags as `examine` does; this function and its result can be pickled.
+
+    :param bag: the path of the bag, or the paths of its files.
+    :returns: plain values: 'bag', the path of its directory or first file, and the items of
+        `Report`; or, if the bag cannot be read, 'bag' and 'error', the text that says why.
+    :raises ValueError: if a code is unknown.
+    """
+    check_codes(ignore)
+    bag = bag if isinstance(bag, (str, os.PathLike)) else [*bag]
+    name = name_of(bag)
+    try:
+        report = examine(bag, ignore=ignore, namespace=namespace, partial=partial,
+                         on_progress=on_progress, read_robots=read_robots)
+    except OSError as error:
+        return {'bag': name, 'error': f'cannot read {name}: {error.strerror or error}'}
+    except Exception as error:  # whatever is wrong with one bag, the others are examined
+        return {'bag': name, 'error': str(error) or type(error).__name__}
+    return {'bag': name, **report.as_dict()}
+
+
+def check_codes(codes: Collection[str]) -> None:
+    """Raise a ValueError if no check has one of the codes."""
+    for code in codes:
+        if code not in CHECKS:
+            raise ValueError(
+                f'unknown code {code!r}. {suggest_names(code, tuple(CHECKS), "codes")}')
+
+
+def _table(topics: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the lines of a table with a row for each topic."""
+    rows: list[tuple[str, ...]] = [
+        ('messages at their stamps', 'number', 'at once', 'after waiting', 'median', '95 %',
+         'largest', 'never', 'queue')]
+    for topic in topics:
+        at_once, waiting, never = (
+            f'{topic[share]:.1%}' for share in ('at_once', 'waiting', 'never'))
+        waits = (f'{topic[wait]:.3g} s' if topic[wait] else '-' for wait in (
+            'median_wait', 'wait_of_95_percent', 'largest_wait'))
+        rows.append((shortened(topic['topic']), str(topic['messages']), at_once, waiting, *waits,
+                     never, str(topic['queue'] or '-')))
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return ['  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])])
+            for row in rows]
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number} {noun}{"s" if number != 1 else ""}'

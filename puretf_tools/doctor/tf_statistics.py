@@ -1,0 +1,393 @@
+"""
+Statistics of the messages on /tf and /tf_static.
+
+Of each message, only its time of arrival and its stamps are kept (16 bytes, if it has one stamp).
+"""
+
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from math import ceil, log2
+from typing import Any, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf.formatting import SECOND, shortened
+from puretf.transform_table import Message, transform_tables, TransformTable
+
+#: A stamp that is farther than this from the time of arrival (ns) is from another clock.
+OTHER_CLOCK = 60 * SECOND
+#: A transform is late if it arrives more than `LATE` (ns) after its stamp, and it is from the
+#: future if its stamp is more than `FUTURE` (ns) after its arrival.
+LATE, FUTURE = SECOND // 2, SECOND // 10
+#: The norm of a quaternion may differ from 1 by this.
+NORM_TOLERANCE = 1e-3
+#: Poses are equal if their positions differ by at most this (m), and the cosine of half the angle
+#: between them differs from 1 by at most this (the angle is about 1e-5 rad).
+_SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
+#: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
+#: of bins for a factor of two, and the number of bins. The end of the last bin exceeds int64.
+_FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
+#: A jump is a move from pose to pose of at least this (m plus rad). Moves within more than
+#: `_LONGEST_MOVE` (ns) do not count; moves within less than `_SHORTEST_MOVE` (s) count as such.
+SMALLEST_JUMP, _LONGEST_MOVE, _SHORTEST_MOVE = 0.2, SECOND // 2, 0.02
+#: The histogram of the speeds of jumps: the number of bins for a factor of two, and of all. The
+#: first bin begins at the least possible speed.
+_JUMPS_PER_OCTAVE, _JUMPS = 4, 80
+_MOST_TRACKS = 10_000
+#: Times of arrival (ns) are limited to this, so that no difference from a stamp exceeds int64.
+LATEST = 2**63 - 1 - 2**31 * SECOND
+
+_FIELDS = np.dtype([
+    ('count', 'i8'),  # the number of transforms
+    ('invalid', 'i8'),  # of those: with NaN or infinite numbers
+    ('unnormalized', 'i8'),  # with a quaternion whose norm is not 1
+    ('worst_norm', 'f8'),  # the norm that differs most from 1
+    ('changes', 'i8'),  # with another pose than the one before; on /tf only if the stamp is equal
+    ('zero_stamps', 'i8'),  # with the stamp 0
+    ('backwards', 'i8'),  # with an earlier stamp than the one before
+    ('step_back', 'i8'),  # the largest difference of these two stamps (ns)
+    ('step_back_at', 'i8'),  # the later one of these two stamps
+    ('oldest', 'i8'), ('latest', 'i8'),  # the range of the stamps that are not 0 (ns)
+    ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns) and pose
+    ('pose_before', '7f8'),  # the pose before the last one
+    ('speed', 'f8'),  # the speed between these two (m/s plus rad/s)
+    ('usual_speed', 'f8'),  # the largest of the speeds but those of jumps; see `_add_moves`
+    ('largest_speed', 'f8'), ('jump', 'f8'), ('jump_at', 'i8'),  # the move at the largest speed
+    ('jumps', 'i8', _JUMPS),  # the histogram of the speeds of moves of `SMALLEST_JUMP` or more
+    ('first_time', 'i8'), ('last_time', 'i8'),  # the range of the times of arrival (ns)
+    ('delays', 'i8'),  # the number of transforms whose delay is known: the time to the arrival
+    ('total_delay', 'f8'),  # their sum (ns)
+    ('least_delay', 'i8'), ('greatest_delay', 'i8'),  # their range (ns)
+    ('late', 'i8'), ('future', 'i8'),  # how many of them are late or from the future
+    ('foreign', 'i8'),  # how many of them are so large that the stamp is from another clock
+    ('steps', 'i8', _BINS),  # the histogram of the steps forward
+    ('largest_step', 'i8'), ('largest_step_at', 'i8'),  # the largest step, and the stamp before it
+])
+
+
+class Track:
+    """The transforms of one child from one publisher on one topic."""
+
+    def __init__(self, number: int, child: str, publisher: str, is_static: bool) -> None:
+        self.number, self.child = number, child
+        self.publisher, self.is_static = publisher, is_static
+        self.parents: dict[str, None] = {}  #: the newest parent is the last one
+        self.slashed: set[str] = set()  #: the names that were sent with a leading slash
+        self._values: Any = np.zeros((), _FIELDS)
+
+    def __getitem__(self, field: str) -> Any:
+        """Return one of the statistics in `_FIELDS`; a number as an int or float of Python."""
+        value = self._values[field]  # numbers of numpy overflow
+        return value if value.ndim else value.item()
+
+    def update(self, values: Any) -> None:
+        self._values = values
+
+    @property
+    def mean_delay(self) -> float:
+        """The mean of the delays (ns); NaN if there is none."""
+        return float(self['total_delay'] / self['delays']) if self['delays'] else float('nan')
+
+    @property
+    def period(self) -> float:
+        """The median of the steps from stamp to stamp (ns), within 5 %; 0.0: there is no step."""
+        counts = np.cumsum(self['steps'])
+        if not counts[-1]:
+            return 0.0
+        median = int(np.searchsorted(counts, (counts[-1] + 1) // 2))
+        return float(_FIRST_BIN * 2 ** ((median - 0.5) / _BINS_PER_OCTAVE))
+
+    @property
+    def rate(self) -> Optional[float]:
+        """The average rate, by stamps (Hz); None if it is not known."""
+        span = int(self['latest'] - self['oldest'])
+        count = self['count'] - self['zero_stamps']
+        return float((count - 1) * SECOND / span) if span > 0 else None
+
+    def jumps_beyond(self, speed: float) -> int:
+        """Count the jumps that are faster than a speed (m/s plus rad/s), within 20 %."""
+        least = SMALLEST_JUMP * SECOND / _LONGEST_MOVE
+        first = ceil(log2(max(speed, least) / least) * _JUMPS_PER_OCTAVE)
+        return int(self['jumps'][first:].sum())
+
+    def steps_beyond(self, step: float) -> int:
+        """
+        Count the steps from stamp to stamp that are larger than `step` (ns, at least 1000).
+
+        Some of those that are larger by less than 10 % are missed.
+        """
+        return int(self['steps'][1 + ceil(log2(step / _FIRST_BIN) * _BINS_PER_OCTAVE):].sum())
+
+
+class Statistics:
+    """The statistics of all tracks."""
+
+    def __init__(self, settling: int = 0) -> None:
+        """
+        Ignore the delays of a publisher for a time (ns) after its first message.
+
+        These messages may have waited until the publisher had discovered the subscription.
+        """
+        self.settling = settling
+        #: By publisher: the time of arrival of the first message (ns).
+        self._since: dict[str, int] = {}
+        self._tracks: dict[tuple[str, str, bool], Track] = {}
+        self._values: Any = np.zeros(16, _FIELDS)  #: by the number of the track
+        #: The number of counted transforms, and of those left out as there are too many tracks.
+        self.count = self.not_counted = 0
+        self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
+        #: By publisher and topic (True: static): the other names of the transforms with an empty
+        #: name, and how many there are.
+        self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
+        #: By the numbers of dynamic tracks whose transforms arrive together: the times of arrival
+        #: and the stamps (ns).
+        self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
+
+    def tracks(self) -> list[Track]:
+        """Return the tracks, in the order of their first messages."""
+        for track, values in zip(self._tracks.values(), self._values):
+            track.update(values)
+        return [*self._tracks.values()]
+
+    def publishers(self) -> set[str]:
+        """Return all publishers, including those that sent only transforms with an empty name."""
+        return {publisher for _, publisher, _ in self._tracks} | {
+            publisher for publisher, _ in self.empty_names}
+
+    def publishers_by_child(self, nodes: Mapping[str, str]) -> dict[str, str]:
+        """
+        Return the names of the publishers of each child, as a text.
+
+        :param nodes: by publisher: the name of its node, if the two differ.
+        """
+        names: dict[str, dict[str, None]] = {}
+        for child, publisher, _ in self._tracks:
+            names.setdefault(child, {})[nodes.get(publisher, publisher)] = None
+        return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
+
+    def span_of_arrivals(self) -> tuple[int, ...]:
+        """Return when the first and the last dynamic transform have arrived (ns), if known."""
+        times = [np.asarray(times) for times, _ in self._arrivals.values()]
+        return (int(min(each.min() for each in times)), int(max(each.max() for each in times))
+                ) if times else ()
+
+    def together(self, tracks: Iterable[Track]) -> frozenset[tuple[int, ...]]:
+        """Return a key for `arrivals`: equal for tracks whose transforms arrive together."""
+        numbers = {track.number for track in tracks}
+        return frozenset(key for key in self._arrivals if not numbers.isdisjoint(key))
+
+    def arrivals(self, key: frozenset[tuple[int, ...]]
+                 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """
+        Return (n,) times of arrival and (n,) stamps (ns) of dynamic tracks, by arrival.
+
+        Transforms without a known time of arrival or without a stamp are left out.
+        """
+        times, stamps = (np.concatenate([np.empty(0, np.int64), *(
+            self._arrivals[each][column] for each in sorted(key))]) for column in (0, 1))
+        order = np.argsort(times, kind='stable')
+        order = order[stamps[order] != 0]
+        return times[order], stamps[order]
+
+    def add_messages(self, messages: Iterable[Message], offset: Optional[int] = 0) -> None:
+        """Count the transforms of messages; see `add`."""
+        for table in transform_tables(messages, lambda error: self.malformed.update([str(error)])):
+            self.add(table, offset)
+
+    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
+        """
+        Count transforms.
+
+        :param offset: the clock of the stamps minus that of the arrivals (ns); None: not known.
+        """
+        columns = [self._number(table, *edge) for edge in table.edges]
+        kept = [i for i, number in enumerate(columns) if number is not None]
+        if not kept:
+            return
+        self.count += len(table.times) * len(kept)
+        numbers = np.array([columns[i] for i in kept])
+        stamps, poses = table.stamps[:, kept], table.poses[:, kept]
+        values = self._values[numbers]
+        is_new = values['count'] == 0
+        before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
+        is_compared = np.ones_like(stamps, np.bool_) if table.is_static else (
+            (stamps == before) & (stamps != 0))
+        is_compared[0] &= ~is_new
+        _add_poses(values, poses, is_compared)
+        if not table.is_static:
+            _add_moves(values, poses, stamps, before)
+            _add_stamps(values, stamps, before)
+        is_timed = table.times != 0
+        if is_timed.any():
+            times = table.times[is_timed].clip(-LATEST, LATEST)
+            if not table.is_static:
+                self._keep(numbers, times, stamps[is_timed])
+            if offset is not None:
+                times = times + offset
+                _add_times(values, times)
+                since = self._since.setdefault(table.publisher, int(times.min()))
+                is_settled = (times >= since + self.settling) | (self.settling == 0)
+                if not table.is_static and is_settled.any():
+                    _add_delays(values, times[is_settled], stamps[is_timed][is_settled])
+        values['count'] += len(stamps)
+        values['stamp'], values['pose'] = stamps[-1], poses[-1]
+        self._values[numbers] = values
+
+    def _keep(self, numbers: NDArray[np.intp], times: NDArray[np.int64],
+              stamps: NDArray[np.int64]) -> None:
+        """Keep arrivals; the transforms of a message usually have the same stamp."""
+        columns = {tuple(numbers.tolist()): stamps[:, 0]} if (
+            (stamps == stamps[:, :1]).all()) else {
+                (number,): column for number, column in zip(numbers.tolist(), stamps.T)}
+        for key, column in columns.items():
+            kept = self._arrivals.setdefault(key, (array('q'), array('q')))
+            for values, new in zip(kept, (times, column)):
+                values.frombytes(new.tobytes())
+
+    def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
+        names = parent.removeprefix('/'), child.removeprefix('/')
+        if not all(names):
+            others = self.empty_names.setdefault((table.publisher, table.is_static), Counter())
+            others[''.join(names)] += len(table.times)
+            return None
+        key = names[1], table.publisher, table.is_static
+        track = self._tracks.get(key)
+        if track is None:
+            if len(self._tracks) >= _MOST_TRACKS:
+                self.not_counted += len(table.times)
+                return None
+            if len(self._tracks) == len(self._values):
+                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
+            track = self._tracks[key] = Track(len(self._tracks), *key)
+        track.parents.pop(names[0], None)
+        track.parents[names[0]] = None
+        track.slashed.update(name for name in (parent, child) if name.startswith('/'))
+        return track.number
+
+
+# Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.
+
+
+def _add_poses(values: Any, poses: NDArray[np.float64], is_compared: NDArray[np.bool_]) -> None:
+    """Count (m, n, 7) poses; `is_compared`: (m, n), True if a change from the last pose counts."""
+    is_valid = np.isfinite(poses).all(axis=2)
+    values['invalid'] += (~is_valid).sum(axis=0)
+    with np.errstate(over='ignore', invalid='ignore'):
+        norms = np.where(is_valid, np.sqrt(np.square(poses[..., 3:]).sum(axis=2)), 1.0)
+    deviations = np.abs(norms - 1.0)
+    values['unnormalized'] += (deviations > NORM_TOLERANCE).sum(axis=0)
+    worst = np.take_along_axis(norms, deviations.argmax(axis=0)[None], 0)[0]
+    values['worst_norm'] = np.where(
+        (values['count'] == 0) | (np.abs(worst - 1.0) > np.abs(values['worst_norm'] - 1.0)),
+        worst, values['worst_norm'])
+    if is_compared.any():
+        poses_before = np.concatenate([values['pose'][None], poses[:-1]])
+        values['changes'] += (is_compared & _differ(poses, poses_before)).sum(axis=0)
+
+
+def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    with np.errstate(over='ignore', invalid='ignore'):
+        is_moved = (np.abs(poses[..., :3] - others[..., :3]) > _SAME_POSITION).any(axis=-1)
+        a, b = poses[..., 3:], others[..., 3:]
+        cosine = np.abs((a * b).sum(axis=-1))
+        largest = np.sqrt(np.square(a).sum(axis=-1) * np.square(b).sum(axis=-1))
+        return np.asarray(is_moved | (cosine < largest * (1.0 - _SAME_ROTATION)))
+
+
+def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64],
+               before: NDArray[np.int64]) -> None:
+    """
+    Count the moves from pose to pose, (m, n, 7), and their speeds.
+
+    The usual speed at a pose is the least of three: from the pose before, to the pose after, and
+    between these two. So a single jump, and poses of another publisher in between, are not usual.
+    """
+    is_first, is_second = (values['count'] == count for count in (0, 1))
+    last = np.where(is_first[:, None], poses[0], values['pose'])
+    chain = np.concatenate([np.where((is_first | is_second)[:, None], last,
+                                     values['pose_before'])[None], last[None], poses])
+    spans = np.where((stamps < before) | (stamps - before > _LONGEST_MOVE), np.inf,
+                     np.maximum((stamps - before) / SECOND, _SHORTEST_MOVE))
+    moves = _distances(chain[2:], chain[1:-1])
+    speeds = moves / spans
+    both = np.concatenate([values['speed'][None], speeds])
+    usual = np.minimum(both[1:], both[:-1])
+    values['speed'], values['pose_before'] = speeds[-1], chain[-2]
+    if moves.max() >= SMALLEST_JUMP:
+        usual = np.minimum(usual, _distances(chain[2:], chain[:-2]) / (2.0 * spans))
+        at = speeds.argmax(axis=0)[None]
+        fastest = [np.take_along_axis(each, at, 0)[0] for each in (speeds, moves, stamps)]
+        is_larger = fastest[0] > values['largest_speed']
+        for name, value in zip(('largest_speed', 'jump', 'jump_at'), fastest):
+            values[name] = np.where(is_larger, value, values[name])
+        rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
+        bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
+        indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
+        values['jumps'] += np.bincount(
+            indices + columns * _JUMPS, minlength=moves.shape[1] * _JUMPS).reshape(-1, _JUMPS)
+    values['usual_speed'] = np.maximum(values['usual_speed'], usual.max(axis=0))
+
+
+def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return distance (m) plus angle (rad) between (m, n, 7) poses; 0 where it is not finite.
+
+    The angle is approximated by twice the chord between two unit quaternions: 2.8 for pi.
+    """
+    with np.errstate(over='ignore', invalid='ignore'):
+        steps = poses[..., :3] - others[..., :3]
+        cosine = np.abs(np.einsum('ijk,ijk->ij', poses[..., 3:], others[..., 3:]))
+        result = np.sqrt(np.einsum('ijk,ijk->ij', steps, steps)) + np.sqrt(
+            np.maximum(8.0 - 8.0 * cosine, 0.0))
+    return np.where(np.isfinite(result), result, 0.0)
+
+
+def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64]) -> None:
+    """Count (m, n) stamps (ns); `before`: (m, n), the previous stamps; of the first, itself."""
+    is_zero = stamps == 0
+    values['zero_stamps'] += is_zero.sum(axis=0)
+    largest = np.iinfo(np.int64).max
+    oldest, latest = np.where(is_zero, largest, stamps).min(axis=0), stamps.max(axis=0)
+    known = values['latest'] != 0
+    values['oldest'] = np.where(oldest == largest, values['oldest'], np.where(
+        known, np.minimum(oldest, values['oldest']), oldest))
+    values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
+    steps = np.where(is_zero | (before == 0), 0, stamps - before)
+    values['backwards'] += (steps < 0).sum(axis=0)
+    for name, lengths in ('largest_step', steps), ('step_back', -steps):
+        at = lengths.argmax(axis=0)[None]
+        length, begin = (np.take_along_axis(each, at, 0)[0] for each in (lengths, before))
+        is_larger = length > values[name]
+        values[name] = np.where(is_larger, length, values[name])
+        values[f'{name}_at'] = np.where(is_larger, begin, values[f'{name}_at'])
+    forward, columns = steps > 0, np.arange(steps.shape[1])
+    bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
+    indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]
+    values['steps'] += np.bincount(indices, minlength=len(columns) * _BINS).reshape(-1, _BINS)
+
+
+def _add_times(values: Any, times: NDArray[np.int64]) -> None:
+    is_new = values['first_time'] == 0
+    values['first_time'] = np.where(is_new, times.min(), values['first_time'])
+    values['last_time'] = np.maximum(values['last_time'], times.max())
+
+
+def _add_delays(values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]) -> None:
+    """Count the delays from (m, n) stamps to (m,) times of arrival (ns)."""
+    delays = times[:, None] - stamps
+    known = stamps != 0
+    limits = np.iinfo(np.int64)
+    is_new = values['delays'] == 0
+    least = np.where(known, delays, limits.max).min(axis=0)
+    greatest = np.where(known, delays, limits.min).max(axis=0)
+    values['least_delay'] = np.where(is_new, least, np.minimum(least, values['least_delay']))
+    values['greatest_delay'] = np.where(
+        is_new, greatest, np.maximum(greatest, values['greatest_delay']))
+    values['delays'] += known.sum(axis=0)
+    values['total_delay'] += np.where(known, delays, 0).sum(axis=0, dtype=np.float64)
+    is_near = known & (np.abs(delays) <= OTHER_CLOCK)
+    values['foreign'] += (known & ~is_near).sum(axis=0)
+    values['late'] += (is_near & (delays > LATE)).sum(axis=0)
+    values['future'] += (is_near & (delays < -FUTURE)).sum(axis=0)

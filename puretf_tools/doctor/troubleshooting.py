@@ -1,0 +1,38 @@
+"""The page docs/troubleshooting.md: its sections, as text for a terminal."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import re
+
+from puretf.formatting import SECTION_NAMES
+from puretf_tools.doctor.checks import CHECKS, SECTIONS
+from puretf_tools.inspection.terminal import wrapped
+
+_HERE = Path(__file__).resolve()
+#: The page is installed beside this module (see setup.py); in a checkout, it is in docs/.
+_PAGES = _HERE.with_suffix('.md'), _HERE.parents[2] / 'docs' / 'troubleshooting.md'
+
+
+def find(words: str) -> list[str]:
+    """Return the headings that a short name, the code of a finding, or words of headings mean."""
+    if headings := [heading for heading, name in SECTION_NAMES.items() if name == words]:
+        return headings
+    if words in CHECKS:
+        return [heading for heading, codes in SECTIONS.items() if words in codes] or [
+            'Other faults']
+    return [heading for heading in SECTION_NAMES
+            if all(word in heading.lower() for word in words.lower().split())]
+
+
+def section(heading: str) -> Iterator[str]:
+    """Yield the lines of a section: wrapped paragraphs without links, and indented code."""
+    page = next(path for path in _PAGES if path.exists()).read_text(encoding='utf-8')
+    body = page.partition(f'\n## {heading}\n')[2].partition('\n## ')[0]
+    yield heading
+    for i, part in enumerate(body.split('```')):
+        if i % 2:
+            yield from ('', *(f'    {line}'.rstrip() for line in part.splitlines()[1:]))
+            continue
+        text = re.sub(r'\[(.*?)]\(.*?\)', r'\1', part, flags=re.DOTALL).replace('**', '')
+        for paragraph in filter(None, text.strip().split('\n\n')):
+            yield from ('', *wrapped(' '.join(paragraph.split())))

@@ -1,0 +1,105 @@
+"""Who publishes /clock, and which nodes use it."""
+
+from collections.abc import Callable, Iterable
+import struct
+from time import monotonic
+from typing import Any, Optional
+
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from puretf.formatting import SECOND
+from puretf.publisher_listener import TopicReader, UNKNOWN
+from puretf_tools.inspection.feeds import Sender, Senders
+
+TOPIC = '/clock'
+#: The time between two searches for nodes (s), and after which a question is repeated.
+_SCAN_INTERVAL, _RETRY = 0.5, 2.0
+#: The largest number of nodes that are asked, and of jumps back that are kept.
+_MOST_NODES, _MOST_JUMPS = 50, 1000
+#: Programs that show or record what others send; it does not matter which clock they use.
+_TOOLS = ('rviz', 'rqt', 'rosbag2', 'foxglove', 'rosbridge', 'transform_listener_impl', 'tf2_echo',
+          'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view', '_')
+
+
+class ClockSampler:
+    """A subscription to /clock; while it is published, nodes are asked whether they use it."""
+
+    def __init__(self, node: Node, nodes: Callable[[], Iterable[str]]) -> None:
+        """
+        Subscribe.
+
+        :param nodes: returns the full names of the nodes that may be asked.
+        """
+        self._node, self._nodes, self._next_scan = node, nodes, 0.0
+        self._reader = TopicReader(node, Clock, TOPIC, QoSProfile(
+            depth=200, reliability=ReliabilityPolicy.BEST_EFFORT))
+        self._senders, self._last = Senders(), 0
+        self.jumps: list[int] = []  #: when the time has jumped back (ns, on the system clock)
+        self._clients: dict[str, _Question] = {}
+
+    def senders(self) -> list[Sender]:
+        """Return the publishers that have sent; none if it is not known who has sent what."""
+        return self._senders.named(self._reader.names_of) if self._reader.has_gids else []
+
+    def use_sim_time(self) -> dict[str, bool]:
+        """Return by node whether it uses /clock; nodes that have not answered are left out."""
+        own = {sender.node for sender in self.senders()}
+        return {name: each.answer for name, each in self._clients.items()
+                if each.answer is not None and name not in own}
+
+    def poll(self) -> None:
+        for message in self._reader.take():
+            if len(message) < 12:
+                continue
+            order = '<' if message[1] & 1 else '>'
+            seconds, nanoseconds = struct.unpack_from(f'{order}iI', message, 4)
+            stamp = seconds * SECOND + nanoseconds
+            self._senders.add(message.publisher, message.time, stamp)
+            if stamp < self._last and len(self.jumps) < _MOST_JUMPS:
+                self.jumps.append(message.time)
+            self._last = stamp
+        if self._last and monotonic() >= self._next_scan:
+            self._next_scan = monotonic() + _SCAN_INTERVAL
+            self._ask()
+
+    def _ask(self) -> None:
+        own = self._node.get_fully_qualified_name()
+        for name in self._nodes():
+            if (name not in self._clients and name not in (own, UNKNOWN)
+                    and not name.rpartition('/')[2].startswith(_TOOLS)
+                    and len(self._clients) < _MOST_NODES):
+                self._clients[name] = _Question(self._node, name)
+        for question in self._clients.values():
+            question.poll()
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+class _Question:
+    """The question whether a node uses /clock, which its parameter service answers."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node = node
+        self.answer: Optional[bool] = None
+        self._client: Any = node.create_client(GetParameters, f'{name}/get_parameters')
+        self._future: Any = None
+        self._retry_at = 0.0
+
+    def poll(self) -> None:
+        """Ask again if there was no answer for some time."""
+        if self._client is None:
+            return
+        if self._future is not None and self._future.done():
+            values = self._future.result().values
+            if values and values[0].type == ParameterType.PARAMETER_BOOL:
+                self.answer = values[0].bool_value
+            self._node.destroy_client(self._client)
+            self._client = None
+        elif monotonic() >= self._retry_at and self._client.service_is_ready():
+            self._retry_at = monotonic() + _RETRY
+            self._future = self._client.call_async(GetParameters.Request(names=['use_sim_time']))

@@ -1,0 +1,113 @@
+"""Arrange the frames of a buffer into trees and loops."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple, Optional
+
+from puretf import Frame
+
+#: A line shows the branches of at most this many levels, those nearest to the name. Otherwise, the
+#: text of a chain of n frames would grow with the square of n.
+_DEEPEST = 100
+
+
+class TreeLine(NamedTuple):
+    """A line of a drawn tree: one frame."""
+
+    branches: str  #: the box-drawing characters before the name; '' for a root
+    name: str
+    frame: Optional[Frame]  #: None for a root
+
+    @property
+    def level(self) -> int:
+        """The number of frames above this one."""
+        return len(self.branches) // 4
+
+
+class Forest:
+    """Frames arranged by their parents: trees, and loops."""
+
+    def __init__(self, frames: Iterable[Frame], root: Optional[str] = None) -> None:
+        """Arrange frames in trees; if `root` is given, show it even if it has no children."""
+        self.frames = {frame.name: frame for frame in frames}
+        self._root = root
+        self._children: dict[str, list[str]] = {} if root is None else {root: []}
+        for frame in self.frames.values():
+            self._children.setdefault(frame.parent, []).append(frame.name)
+        self.roots = [name for name in self._children if name not in self.frames]
+        #: In each loop, a frame is the parent of the next one, and the last one that of the first.
+        self.loops = list(self._find_loops())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all frames, including those without a parent."""
+        return *self.roots, *self.frames
+
+    @property
+    def line_count(self) -> int:
+        """The number of lines that `lines` yields."""
+        return len(self.roots) + len(self.loops) + len(self.frames)
+
+    def subtree(self, root: str) -> 'Forest':
+        """Return a frame and its descendants, including those that are reached through a loop."""
+        found, pending = {}, [root]
+        while pending:
+            for name in self._children.get(pending.pop(), []):
+                if name not in found:
+                    found[name] = self.frames[name]
+                    pending.append(name)
+        return Forest(found.values(), root)
+
+    def _find_loops(self) -> Iterator[list[str]]:
+        seen = set(self.roots)
+        for start in self.frames:
+            path: dict[str, None] = {}
+            name = start
+            while name not in seen:
+                seen.add(name)
+                path[name] = None
+                name = self.frames[name].parent
+            if name in path:
+                loop = list(path)[list(path).index(name):]
+                yield loop[::-1]
+
+    def lines(self) -> Iterator[TreeLine]:
+        """Draw the trees; a loop is a tree whose root appears once more, as a leaf."""
+        starts = [self._root or loop[0] for loop in self.loops]
+        for root, leaf in [*((root, None) for root in self.roots), *zip(starts, starts)]:
+            yield TreeLine('', root, None)
+            pending = self._child_lines(root, '', 1)
+            while pending:
+                line, indent, level = pending.pop()
+                yield line
+                if line.name != leaf:
+                    pending += self._child_lines(line.name, indent, level)
+
+    def _child_lines(self, parent: str, indent: str, level: int
+                     ) -> list[tuple[TreeLine, str, int]]:
+        # The caller pops the first child first.
+        lines = []
+        children = self._children.get(parent, [])
+        if level > _DEEPEST:
+            indent = indent[-4 * (_DEEPEST - 1):]  # 4 characters for each level
+        prefix = f'{level} ... {indent}' if level > _DEEPEST else indent
+        for child in children:
+            branch, rest = ('└── ', '    ') if child is children[-1] else ('├── ', '│   ')
+            lines.append((TreeLine(prefix + branch, child, self.frames[child]), indent + rest,
+                          level + 1))
+        return lines[::-1]
+
+
+def frequency(frame: Frame) -> Optional[float]:
+    """Return the average rate (Hz); None if all samples have the same stamp."""
+    span = frame.latest - frame.oldest
+    return (frame.length - 1) * 1e9 / span if span > 0 else None
+
+
+def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
+    """Yield a frame, its parent, and so on, up to the root or until a loop is complete."""
+    seen = set()
+    while name not in seen:
+        yield name
+        seen.add(name)
+        if name in frames:
+            name = frames[name].parent

@@ -1,0 +1,139 @@
+"""The graph of the frames: in the DOT language, and as a drawing."""
+
+from collections.abc import Callable
+from contextlib import suppress
+import os
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryFile
+
+from puretf import Frame
+from puretf.formatting import (
+    display_time,
+    dot_quoted,
+    exact_time,
+    in_seconds,
+    visible_name,
+)
+from puretf_tools.inspection.forest import Forest, frequency
+
+#: The interval of `tick` (s).
+_STEP = 0.05
+#: The program that draws. It gets `sys.path`, since `python -c` prefers the working directory.
+_DRAWING = """
+import sys
+file_format, *sys.path = sys.argv[1:]
+if sys.platform == 'linux':
+    import ctypes
+    ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
+from pygraphviz import AGraph
+dot = sys.stdin.buffer.read().decode()
+sys.stdout.buffer.write(AGraph(string=dot).draw(format=file_format, prog='dot'))
+"""
+
+
+class DrawingError(Exception):
+    """The graph cannot be drawn; the text says why, and what to do."""
+
+
+def as_dot(forest: Forest, now: int) -> str:
+    """Return the graph in the DOT language, with the labels of tf2's view_frames."""
+    frames = forest.frames.values()
+    names = [*(name for frame in frames for name in (frame.parent, frame.name)), *forest.roots]
+    lines = ['digraph G {',
+             f'label="view_frames Result\\nRecorded at time: {display_time(now)}";',
+             'labelloc=t;',
+             # In some other fonts, "ff" is one character, so a search for "end_effector" fails.
+             'fontname=monospace;',
+             'node [fontname=monospace];',
+             'edge [fontname=monospace, fontsize=10];']
+    lines += [f'{_id(name)} [label="{_label(name)}"];' for name in dict.fromkeys(names)]
+    lines += [f'{_id(frame.parent)} -> {_id(frame.name)} [label="{_edge_label(frame)}"];'
+              for frame in frames]
+    return '\n'.join([*lines, '}\n'])
+
+
+def _id(name: str) -> str:
+    # Graphviz copies identifiers into SVG files, which must not contain control characters. A name
+    # that begins with a quote could equal the escaped form of another name. Graphviz takes a name
+    # that begins with a percent sign for an anonymous node.
+    is_plain = name.isprintable() and not name.startswith(("'", '"', '%'))
+    return dot_quoted(name if is_plain else repr(name))
+
+
+def _edge_label(frame: Frame) -> str:
+    lines = [f'Broadcaster: {_label(frame.authority)}']
+    if frame.is_static:
+        lines += ['static']
+    else:
+        rate = frequency(frame)
+        lines += [f'Average rate: {"unknown" if rate is None else f"{rate:.3f} Hz"}',
+                  f'Buffer length: {in_seconds(frame.latest - frame.oldest):.3f} s',
+                  f'Most recent transform: {exact_time(frame.latest)}',
+                  f'Oldest transform: {exact_time(frame.oldest)}']
+    return ''.join(f'  {line}\\l' for line in lines)
+
+
+def _label(text: str) -> str:
+    text = '\n'.join(visible_name(line) for line in text.split('\n'))
+    for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
+                               ('\n', '\\n')):
+        text = text.replace(character, escaped)
+    return text
+
+
+def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) -> bytes:
+    """
+    Draw a graph as pdf, svg or png; raise a DrawingError if that fails.
+
+    :param tick: called every 0.05 s; an exception that it raises ends the drawing.
+    """
+    try:
+        import pygraphviz  # noqa: F401  (an error is clearer here than from the process)
+    except ImportError as error:
+        raise DrawingError(
+            f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
+            'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
+    # Ctrl-C cannot interrupt the C code of graphviz, but its process can be killed. It has its own
+    # session, so that Ctrl-C reaches only the caller. The graph is passed in a file: if
+    # communicate() times out before all input is sent, its next call does not send the rest.
+    try:
+        with TemporaryFile() as graph:
+            graph.write(dot.encode())
+            graph.seek(0)
+            process = subprocess.Popen(
+                [sys.executable, '-c', _DRAWING, file_format, *sys.path], start_new_session=True,
+                stdin=graph, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    except OSError as error:
+        raise DrawingError(f'cannot start the process that draws: {error.strerror}') from None
+    with process:
+        try:
+            drawing, errors = _communicate(process, tick)
+        except BaseException:
+            _kill(process)
+            raise
+    if process.returncode or not drawing:
+        # The last line is the error; the lines before it may be warnings of fontconfig.
+        lines = errors.decode(errors='replace').strip().splitlines()
+        raise DrawingError('graphviz cannot draw this: '
+                           f'{lines[-1] if lines else f"exit code {process.returncode}"}')
+    return drawing
+
+
+def _communicate(process: 'subprocess.Popen[bytes]', tick: Callable[[], object]
+                 ) -> tuple[bytes, bytes]:
+    while True:
+        tick()
+        with suppress(subprocess.TimeoutExpired):
+            return process.communicate(timeout=_STEP)
+
+
+def _kill(process: 'subprocess.Popen[bytes]') -> None:
+    # Before version 2, pygraphviz starts the program dot as another process.
+    if sys.platform == 'win32':
+        process.kill()
+    else:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.wait()

@@ -1,0 +1,124 @@
+"""
+Output to a terminal: whether stdout is one, its size and escapes, and the width of texts.
+
+Control characters in names are escaped before names are printed: see `visible` of
+`puretf.formatting`.
+"""
+
+from collections.abc import Iterable, Sequence
+import re
+import shutil
+import sys
+from textwrap import wrap
+from typing import Optional
+from unicodedata import combining, east_asian_width
+
+from puretf.formatting import LONGEST
+
+#: A number that is no part of a name.
+_NUMBER = re.compile(r'(?<![\w./-])-?\d+(\.\d+)?(?!\w)')
+_HOME_AND_CLEAR = '\x1b[H\x1b[2J'
+
+
+def show(lines: Sequence[str], count: Optional[int] = None) -> None:
+    """
+    Print lines; on a terminal, clear it and cut them off at its size; else, add an empty line.
+
+    :param count: the number of all lines, if `lines` has only the first `height()` of them.
+    """
+    if is_terminal():
+        columns, rows = shutil.get_terminal_size()
+        count = len(lines) if count is None else count
+        if count >= rows:
+            rest = count - rows + 2
+            lines = [*lines[:max(0, rows - 2)],
+                     f'... {rest} more lines (pipe the output to see all)']
+        print(_HOME_AND_CLEAR + '\n'.join(cut(line, columns) for line in lines))
+    else:
+        print(*lines, '', sep='\n')
+
+
+def is_terminal() -> bool:
+    """Return True if stdout is a terminal."""
+    return sys.stdout.isatty()
+
+
+def height() -> Optional[int]:
+    """Return the number of lines of the terminal; None if stdout is not a terminal."""
+    return shutil.get_terminal_size().lines if is_terminal() else None
+
+
+def wrapped(text: str, indent: str = '') -> list[str]:
+    """Indent a long line, and wrap it at the width of the terminal, if stdout is one."""
+    if not is_terminal():
+        return [indent + text]
+    columns = shutil.get_terminal_size().columns
+    return wrap(text, columns, initial_indent=indent, subsequent_indent=indent)
+
+
+class Once:
+    """
+    Abbreviates a text that is printed again and again, until more than its numbers changes.
+
+    But not `in_place`, where each text replaces the one before.
+
+    >>> once = Once()
+    >>> [once(f'No data at {i} s. The publisher has ended.', f'No data at {i} s.') for i in (1, 2)]
+    ['No data at 1 s. The publisher has ended.', 'No data at 2 s.']
+    """
+
+    def __init__(self, in_place: bool = False) -> None:
+        self._last, self._in_place = '', in_place
+
+    def __call__(self, text: str, short: str) -> str:
+        before, self._last = self._last, _NUMBER.sub('', text)
+        return short if self._last == before and not self._in_place else text
+
+
+def width(text: str) -> int:
+    """
+    Return the number of columns that a text without control characters occupies.
+
+    >>> width('日本')
+    4
+    """
+    return len(text) if text.isascii() else sum(map(_columns_of, text))
+
+
+def _columns_of(character: str) -> int:
+    return 0 if combining(character) else 1 + (east_asian_width(character) in 'WF')
+
+
+def column_width(widths: Iterable[int]) -> int:
+    """
+    Return the width to which cells are padded; ignore those of 100 columns or more.
+
+    >>> column_width([3, 4, 2000])
+    4
+    """
+    return max((width for width in widths if width < LONGEST), default=0)
+
+
+def padded(text: str, columns: int) -> str:
+    return text + ' ' * (columns - width(text))
+
+
+def cut(line: str, columns: int) -> str:
+    """Cut a line off at a width, before a wide character of which only half would fit."""
+    used = 0
+    for i, character in enumerate(line):
+        used += _columns_of(character)
+        if used > columns:
+            return line[:i]
+    return line
+
+
+def fixed_point(value: float, precision: int) -> str:
+    """
+    Format a number; zero has no minus sign.
+
+    >>> fixed_point(-0.0004, 3)
+    '0.000'
+    """
+    text = f'{value:.{precision}f}'
+    return text if float(text) else text.removeprefix('-')

@@ -1,0 +1,17 @@
+"""
+Robots that URDF describes: links, joints and shapes, without ROS.
+
+The node that publishes their transforms is in `puretf_tools.robot.state_publisher`.
+"""
+
+from puretf_tools.robot.description import (
+    Description,
+    DescriptionError,
+    Joint,
+    Mimic,
+    parse,
+    read,
+    Shape,
+)
+
+__all__ = ['Description', 'DescriptionError', 'Joint', 'Mimic', 'Shape', 'parse', 'read']

@@ -1,0 +1,171 @@
+"""The node that publishes the transforms of a robot: `RobotStatePublisher`."""
+
+from concurrent.futures import ThreadPoolExecutor, wait
+from copy import copy
+from math import isfinite
+from typing import Any, Optional
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from puretf import TFMessage
+from puretf.formatting import comma_list, in_log, quoted
+from puretf.publisher_listener import node_of
+from puretf_tools.robot.description import Description, DescriptionError, parse
+from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
+
+#: The time (s) after which joints without a position are named.
+PATIENCE = 5.0
+#: The largest number of warnings about one description.
+_MAX_WARNINGS = 10
+
+
+class RobotStatePublisher(Node):
+    """
+    A node with the parameters, topics and answers of robot_state_publisher 3.3.3.
+
+    It publishes fixed joints on /tf_static, the joints that messages on joint_states name on /tf,
+    and the description on robot_description.
+    """
+
+    def __init__(self, robot_description: str = '', **kwargs: Any) -> None:
+        """
+        Start publishing.
+
+        :param robot_description: the URDF text; the parameter of this name takes precedence.
+        :param kwargs: the arguments of `rclpy.node.Node` except the name.
+        :raises DescriptionError: if the description is not valid.
+        :raises ValueError: if publish_frequency is not valid.
+        """
+        super().__init__('robot_state_publisher', **kwargs)
+        text = self.declare_parameter('robot_description', robot_description).value
+        # With dynamic typing, integers are accepted, too.
+        self.declare_parameter('publish_frequency', 20.0, ParameterDescriptor(dynamic_typing=True))
+        self.declare_parameter('frame_prefix', '')
+        self.declare_parameter('ignore_timestamp', False)
+        if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
+            raise ValueError(problem)
+        if not text:
+            raise DescriptionError('robot_description parameter must not be empty: set it to the '
+                                   'URDF text, or name a URDF file')
+        self._description = parse(text)
+        self._transforms = RobotTransforms(
+            self._description, self.get_logger().warning, self._state_publishers)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._text_publisher = self.create_publisher(String, 'robot_description', latched)
+        overrides = QoSOverridingOptions.with_default_policies()
+        self._tf = self.create_publisher(
+            TFMessage, '/tf', 100, qos_overriding_options=overrides)
+        self._tf_static = self.create_publisher(
+            TFMessage, '/tf_static', latched, qos_overriding_options=overrides)
+        self._patience = self.create_timer(
+            PATIENCE, self._warn_of_missing, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._apply([*self.get_parameters(
+            ['publish_frequency', 'frame_prefix', 'ignore_timestamp', 'robot_description'])])
+        self.add_on_set_parameters_callback(self._check)
+        self.add_post_set_parameters_callback(self._apply)
+        self._states = self.create_subscription(
+            JointState, 'joint_states', self._answer,
+            copy(qos_profile_sensor_data),  # overrides change it
+            qos_overriding_options=overrides)
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            problem = None
+            if parameter.name == 'publish_frequency':
+                problem = _frequency_problem(parameter.value)
+            elif parameter.name == 'robot_description':
+                try:
+                    self._description = self._parsed(parameter.value)
+                except DescriptionError as error:
+                    problem = str(error)
+                    self.get_logger().warning(f'refused a robot_description: {error}')
+            if problem:
+                return SetParametersResult(successful=False, reason=problem)
+        return SetParametersResult(successful=True)
+
+    def _parsed(self, text: str) -> Description:
+        """Parse a description in a thread, and answer joint states meanwhile: it takes seconds."""
+        with ThreadPoolExecutor(1) as pool:
+            parsing = pool.submit(parse, text)
+            while wait([parsing], 0.01).not_done:
+                with self._states.handle:
+                    while taken := self._states.handle.take_message(JointState, False):
+                        self._answer(taken[0])
+        return parsing.result()
+
+    def _apply(self, parameters: list[Parameter]) -> None:
+        values = {parameter.name: parameter.value for parameter in parameters}
+        transforms = self._transforms
+        transforms.publish_frequency = float(
+            values.get('publish_frequency', transforms.publish_frequency))
+        transforms.frame_prefix = values.get('frame_prefix', transforms.frame_prefix)
+        transforms.ignore_timestamp = values.get('ignore_timestamp', transforms.ignore_timestamp)
+        if 'robot_description' in values:
+            transforms.set_description(self._description)
+            self._text_publisher.publish(String(data=self._description.text))
+            self._warn_of_description()
+            self.get_logger().info('Robot initialized')
+            self._patience.reset()
+        if 'robot_description' in values or 'frame_prefix' in values:
+            # Not by a StaticTransformBroadcaster, which would repeat frames that are gone.
+            self._tf_static.publish(
+                _message(transforms.fixed(), self.get_clock().now().to_msg()))
+
+    def _answer(self, states: JointState) -> None:
+        stamp = states.header.stamp
+        edges = self._transforms.moving(stamp.sec * 10**9 + stamp.nanosec, states.name,
+                                        states.position, self.get_clock().now().nanoseconds)
+        if edges is not None:
+            self._tf.publish(_message(edges, stamp))
+
+    def _state_publishers(self) -> str:
+        topic = self._states.topic_name
+        names = {node_of(info) for info in self.get_publishers_info_by_topic(topic)}
+        return (f'; publishers of {in_log(topic)}: {comma_list(sorted(names), 5, in_log)}'
+                if names else '')
+
+    def _warn_of_description(self) -> None:
+        warnings = [*self._description.warnings, *(
+            f'joint {quoted(joint.name)} is planar: it is published as a fixed joint'
+            if joint.kind == 'planar' else
+            f'joint {quoted(joint.name)} is floating: another program must publish its transform '
+            f'{quoted(joint.parent)} -> {quoted(joint.child)}'
+            for joint in self._description.joints if joint.kind in ('planar', 'floating'))]
+        for warning in warnings[:_MAX_WARNINGS]:
+            self.get_logger().warning(warning)
+        if len(warnings) > _MAX_WARNINGS:
+            self.get_logger().warning(f'and {len(warnings) - _MAX_WARNINGS} more warnings')
+
+    def _warn_of_missing(self) -> None:
+        self._patience.cancel()
+        if warning := self._transforms.missing():
+            self.get_logger().warning(warning)
+
+
+def _frequency_problem(value: object) -> Optional[str]:
+    if (isinstance(value, (int, float)) and not isinstance(value, bool) and isfinite(value)
+            and 0.0 <= value <= 1000.0):
+        return None
+    return f'publish_frequency must be between 0 and 1000 (Hz), got {value!r}'
+
+
+def _message(edges: list[Edge], stamp: Time) -> TFMessage:
+    message = TFMessage()
+    for frame_id, child_frame_id, (x, y, z, qx, qy, qz, qw) in edges:
+        transform = TransformStamped(child_frame_id=child_frame_id)
+        transform.header.frame_id, transform.header.stamp = frame_id, stamp
+        translation, rotation = transform.transform.translation, transform.transform.rotation
+        translation.x, translation.y, translation.z = x, y, z
+        rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
+        message.transforms.append(transform)
+    return message

@@ -1,0 +1,227 @@
+"""The bodies of robots: the shapes of their descriptions, drawn at the frames of their links."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
+import viser
+
+from puretf_tools.inspection.robots import prefix
+from puretf_tools.robot.description import Description, Rgba, Shape
+from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.placement import Placement, REACH
+from puretf_tools.view.rods import Display
+
+#: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
+MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
+#: The side of the box in place of a mesh that is missing (m).
+_MISSING_SIZE = 0.1
+_DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
+_MISSING: Rgba = (0.5, 0.5, 0.5, 1.0)
+_COLLISION: Rgba = (0.0, 0.6, 0.55, 0.35)
+
+
+class BodyDisplay(NamedTuple):
+    """What is drawn of the bodies."""
+
+    with_visuals: bool = True
+    with_collisions: bool = False
+    opacity: float = 1.0  #: multiplies that of each color
+
+
+@dataclass
+class _Part:
+    """The visual shapes or the collision shapes of a link."""
+
+    link: str
+    is_collision: bool
+    shapes: list[Shape]  #: those that are not drawn yet
+    node: Optional[viser.FrameHandle] = None  #: moves with the link; None: it was never visible
+    pose: Optional[list[float]] = None  #: of the node: x, y, z (m), quaternion x, y, z, w
+    drawn: list[tuple[Any, float]] = field(default_factory=list)  #: handles, and their opacity
+
+
+def _parts(shapes: Iterable[Shape], is_collision: bool) -> Iterable[_Part]:
+    parts: dict[str, _Part] = {}
+    for shape in islice(shapes, MAX_SHAPES):
+        parts.setdefault(shape.link, _Part(shape.link, is_collision, [])).shapes.append(shape)
+    return parts.values()
+
+
+class _Robot:
+    """The body of one description."""
+
+    def __init__(self, topic: str, description: Description) -> None:
+        self.topic, self.description = topic, description
+        self.names: list[str] = []  # the frames for which the prefix was found
+        self.prefix, self.found = '', 0  # the number of links that have a frame
+        self.problems: dict[str, None] = {}  # meshes that are missing
+        self.triangles = 0  # of the meshes that are drawn
+        self.parts = [*_parts(description.visuals, False), *_parts(description.collisions, True)]
+
+    def lines(self) -> list[str]:
+        description = self.description
+        lines = [f'{description.name} on {self.topic}: {self.found} of '
+                 f'{len(description.links)} links have a frame']
+        if self.prefix:
+            lines[0] += f', with the prefix {self.prefix}'
+        for shapes in description.visuals, description.collisions:
+            if len(shapes) > MAX_SHAPES:
+                lines.append(f'only {MAX_SHAPES} of {len(shapes)} shapes are drawn')
+        return [*lines, *description.warnings, *self.problems]
+
+
+class Body:
+    """The bodies in the scene of one viewer or of all."""
+
+    #: The largest number of shapes that one call of `show` adds, so that viewers do not wait.
+    at_a_time = 100
+
+    def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object]
+                 ) -> None:
+        """Draw nothing yet; a click on a shape calls `on_click` with the name of its frame."""
+        self._scene, self._meshes, self._on_click = scene, meshes, on_click
+        self._descriptions: Mapping[str, DescriptionOrWhy] = {}
+        self._robots: dict[str, _Robot] = {}  # by topic
+        #: By the name of a node, which must not depend on those of links: these can have slashes.
+        self._owners: dict[str, tuple[_Robot, _Part]] = {}
+        self._next_node = self._left = 0  # how many shapes this update may still add
+        self._opacity = 1.0
+        #: What the panel says of descriptions and meshes; another list after a change.
+        self.lines: list[str] = []
+
+    def show(self, descriptions: Mapping[str, DescriptionOrWhy], placement: Placement,
+             display: Display, body: BodyDisplay) -> None:
+        """Draw the bodies at the frames that are drawn."""
+        has_changed = descriptions is not self._descriptions
+        if has_changed:
+            self._replace(descriptions)
+        if not self._robots and not has_changed:
+            return
+        self._set_opacity(body.opacity)
+        self._left = self.at_a_time
+        rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
+        poses = {name: row for name, row, age in zip(
+            placement.names, rows, placement.ages.tolist()) if age < display.timeout}
+        for robot in self._robots.values():
+            if robot.names != placement.names:
+                robot.names = placement.names
+                robot.prefix, robot.found = prefix(
+                    robot.topic, robot.description.root, robot.description.links,
+                    {*placement.names})
+                has_changed = True
+            for part in robot.parts:
+                frame = robot.prefix + part.link
+                is_on = body.with_collisions if part.is_collision else body.with_visuals
+                if is_on and frame in poses and frame not in display.hidden:
+                    has_changed |= self._draw(robot, part, poses[frame])
+                elif part.node is not None and part.node.visible:
+                    part.node.visible = False
+        if has_changed:
+            self.lines = [line for topic, each in descriptions.items() for line in (
+                [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())]
+
+    def _replace(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        """Remove the bodies whose description has changed, and add the new ones."""
+        for topic, robot in [*self._robots.items()]:
+            if descriptions.get(topic) is not robot.description:
+                for part in robot.parts:
+                    if part.node is not None:
+                        part.node.remove()
+                del self._robots[topic]
+        self._owners = {name: owner for name, owner in self._owners.items()
+                        if owner[0].topic in self._robots}
+        for topic, description in descriptions.items():
+            if isinstance(description, Description) and topic not in self._robots:
+                self._robots[topic] = _Robot(topic, description)
+        self._descriptions = descriptions
+
+    def _set_opacity(self, opacity: float) -> None:
+        if opacity != self._opacity:
+            self._opacity = opacity
+            for robot in self._robots.values():
+                for part in robot.parts:
+                    for handle, own in part.drawn:
+                        handle.opacity = _opacity(own * opacity)
+
+    def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> bool:
+        """Draw a part at a pose; return True if a mesh is found to be missing."""
+        if part.node is None:
+            part.node = self._scene.add_frame(
+                f'/robots/{self._next_node}', show_axes=False, visible=False)
+            self._next_node += 1
+        if pose != part.pose:  # viser compares, too, but takes much longer
+            part.pose = pose
+            x, y, z, w = pose[3:]
+            part.node.position, part.node.wxyz = (pose[0], pose[1], pose[2]), (w, x, y, z)
+        if not part.node.visible:
+            part.node.visible = True
+        if not part.shapes:
+            return False
+        count = len(robot.problems)
+        part.shapes = [shape for shape in part.shapes if not self._add(shape, robot, part)]
+        return len(robot.problems) > count
+
+    def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
+        """Add a shape to the node of its part; return False if it must wait for another update."""
+        assert part.node is not None
+        mesh = self._meshes.get(shape.file) if shape.kind == 'mesh' else ''
+        if mesh is None or not self._left:
+            return False
+        self._left -= 1
+        if mesh and not isinstance(mesh, str):
+            robot.triangles += len(mesh.faces)
+            if robot.triangles > MAX_TRIANGLES:
+                mesh = f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes'
+        kind, size, rgba = shape.kind, _within_reach(shape.size), shape.rgba or _DEFAULT
+        if shape.kind == 'mesh' and isinstance(mesh, str):
+            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = None
+            kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
+        elif not isinstance(mesh, str):
+            rgba = shape.rgba or mesh.rgba or _DEFAULT
+        red, green, blue, alpha = _COLLISION if part.is_collision else rgba
+        x, y, z, w = shape.pose[3:]
+        name = f'{part.node.name}/{len(part.drawn)}'
+        common: dict[str, Any] = {
+            'color': (red, green, blue), 'opacity': _opacity(alpha * self._opacity),
+            'wxyz': (w, x, y, z), 'position': _within_reach(shape.pose[:3])}
+        handle: Any
+        if kind == 'box':
+            handle = self._scene.add_box(name, dimensions=(size[0], size[1], size[2]), **common)
+        elif kind == 'cylinder':
+            handle = self._scene.add_cylinder(name, radius=size[0], height=size[1], **common)
+        elif kind == 'sphere':
+            handle = self._scene.add_icosphere(name, radius=size[0], **common)
+        else:
+            assert mesh and not isinstance(mesh, str)
+            handle = self._scene.add_mesh_simple(
+                name, mesh.vertices, mesh.faces, scale=(size[0], size[1], size[2]),
+                flat_shading=True, side='double', **common)
+        self._owners[name] = robot, part
+        handle.on_click(self._click)
+        part.drawn.append((handle, alpha))
+        return True
+
+    async def _click(self, event: 'viser.SceneNodePointerEvent[Any]') -> None:
+        if owner := self._owners.get(event.target.name):
+            robot, part = owner
+            self._on_click(robot.prefix + part.link)
+
+
+def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:
+    """Return the files of all meshes that are drawn as visual shapes."""
+    return {shape.file for each in descriptions if isinstance(each, Description)
+            for shape in each.visuals[:MAX_SHAPES] if shape.kind == 'mesh'}
+
+
+def _opacity(value: float) -> Optional[float]:
+    """Return an opacity for viser, to which an opaque shape has none."""
+    return value if value < 1.0 else None
+
+
+def _within_reach(values: Sequence[float]) -> list[float]:
+    """Clamp numbers, since a browser computes in float32."""
+    return [min(max(value, -REACH), REACH) for value in values]

@@ -1,0 +1,141 @@
+"""The texts in the panel of the web page: an overview of all frames, and details of one frame."""
+
+from collections.abc import Iterable
+from html import escape
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import Frame
+from puretf.formatting import comma_list, exact_time, visible
+from puretf.rotations import euler_from_quaternion
+from puretf_tools.inspection.terminal import fixed_point
+from puretf_tools.view.feed import Feed
+from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
+from puretf_tools.view.rods import TIMEOUT
+
+#: If a frame has had no new stamp for more than this time (s), its rate is not shown.
+_SILENT = 1.0
+#: The largest number of names that a line of the overview lists.
+_MAX_NAMES = 5
+#: Of the texts in the panel.
+STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
+          'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
+
+
+def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
+             timeout: float = TIMEOUT) -> str:
+    """Return in HTML how many frames are shown, and every problem; `hint`: at other topics."""
+    timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
+                 if age >= timeout]
+    alive = len(placement.names) - len(timed_out)
+    lines = [f'{alive} frame{"" if alive == 1 else "s"}' if placement.names else
+             f'no frames yet. {_text(feed.why_no_frames())}']
+    if placement.names and hint:
+        lines.append(_text(hint))
+    if timed_out:
+        lines.append(f'not shown, because no new transform has arrived for {timeout:g} s on the '
+                     f'path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
+    if placement.gone:
+        lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
+                     'update for a minute: not shown')
+    if placement.left_out:
+        total = len(placement.names) + len(placement.not_finite) + len(placement.left_out)
+        lines.append(f'only {MAX_FRAMES} of {total} frames are shown, not: '
+                     f'{comma_list(placement.left_out, _MAX_NAMES, _text)}')
+    if fixed not in ('', placement.fixed):
+        lines.append(f'the fixed frame {_text(fixed)} is not available' + (
+            f'; instead of it: {_text(placement.fixed)}' if placement.fixed else ''))
+    if len(placement.trees) > 1:
+        others = [name for name in placement.trees if name != placement.fixed]
+        lines.append(f'not connected to {_text(placement.fixed)}: '
+                     f'{comma_list(others, _MAX_NAMES, _text)}')
+    if far := [name for name in placement.far if name not in {*timed_out}]:
+        lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: '
+                     f'{comma_list(far, _MAX_NAMES, _text)}')
+    if placement.not_finite:
+        lines.append('not shown, since the translation is not finite: '
+                     f'{comma_list(placement.not_finite, _MAX_NAMES, _text)}')
+    lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in placement.loops]
+    return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
+
+
+def details(placement: Placement, name: str, feed: Feed) -> str:
+    """Return in HTML a table of one frame, or a sentence if it is not available."""
+    if name not in placement.names:
+        text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
+        return f'<div style="{STYLE}" data-text="details">{text}</div>'
+    i = placement.names.index(name)
+    frame = placement.frames.get(name)
+    target, _ = placement.anchor_of(name)
+    rows = ''
+    if frame is None:
+        rows += _title('parent', '', 'no parent: this is a root')
+    else:
+        rows += _title('parent', frame.parent, 'pose in the parent')
+        translations, rotations, known = feed.buffer.lookup_transforms(
+            frame.parent, name, [frame.latest])
+        if known[0]:  # the buffer may have dropped the sample since the placement
+            rows += _pose('parent', frame.latest, translations[0], rotations[0])
+    if frame is None or frame.parent != target:
+        rows += _title('fixed', target, 'pose in the fixed frame' if target == placement.fixed else
+                       'pose in the root')
+        rows += _pose('fixed', placement.stamps[i], placement.poses[i, :3], placement.poses[i, 3:])
+    if frame is not None:
+        rows += _published(frame, placement.silences[name], feed)
+    if target != placement.fixed and (
+            why := feed.buffer.why_not(placement.fixed, name, 0)):
+        rows += ('<tr><td colspan="2" style="padding-top: .4em">not in the fixed frame: '
+                 f'<span data-value="why">{_text(why)}</span></td></tr>')
+    return f'<table style="{STYLE}" data-text="details">{rows}</table>'
+
+
+def _published(frame: Frame, silence: float, feed: Feed) -> str:
+    """Return the rows with the rate, the delay and the publisher of a frame."""
+    publication = feed.publication(frame)
+    rows = _title('', '', 'published')
+    if frame.is_static:
+        rows += _row('rate', 'rate', 'static')
+    else:
+        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > _SILENT else
+                     'not known' if publication.rate is None else f'{publication.rate:.1f} Hz')
+        rows += _row('delay', 'delay', 'not known' if publication.delay is None else
+                     f'{publication.delay * 1e3:.2f} ms')
+    return rows + _row('publisher', 'publisher', publication.publisher)
+
+
+def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
+          rotation: NDArray[np.float64]) -> str:
+    """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
+    quaternion = (*rotation.tolist(),)
+    angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]
+    return ''.join((
+        _row(f'{prefix}-time', 'time', f'{exact_time(stamp)} s' if stamp else 'all times'),
+        _row(f'{prefix}-translation', 'position (m)', _numbers(translation.tolist(), 3)),
+        _row(f'{prefix}-quaternion', 'orientation', _numbers(quaternion, 4)),
+        _row(f'{prefix}-rpy', 'RPY (°)', _numbers(angles, 2))))
+
+
+def _title(key: str, name: str, text: str) -> str:
+    """Return a heading row: a text, then the name of a frame in bold; the name may be ''."""
+    return (f'<tr><td colspan="2" style="padding-top: .4em">{text} '
+            f'<b data-value="{key}">{_text(name)}</b></td></tr>')
+
+
+def _row(key: str, label: str, value: str) -> str:
+    return (f'<tr><td style="padding-right: .8em; opacity: .7; white-space: nowrap">{label}</td>'
+            f'<td data-value="{key}">{_text(value)}</td></tr>')
+
+
+def _numbers(values: Iterable[float], precision: int) -> str:
+    return '  '.join(fixed_point(value, precision) for value in values)
+
+
+def html(text: str, key: str) -> str:
+    """Return a text as an element of the panel."""
+    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>'
+
+
+def _text(text: str) -> str:
+    return escape(visible(text))

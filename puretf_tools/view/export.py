@@ -1,0 +1,87 @@
+"""A recording of the scene, which plays in a browser without a server."""
+
+from collections.abc import Callable, Sequence
+from socket import create_server
+import sys
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf_tools.view.body import BodyDisplay, mesh_files
+from puretf_tools.view.feed import Feed
+from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.placement import FrameWatcher, Placement
+from puretf_tools.view.rods import Display
+from puretf_tools.view.scene import look_at, NAMES_AT_ONCE, Scene
+from puretf_tools.view.view import Trail
+from puretf_tools.view.viser_private import Server
+
+#: The time between two moments of a recording (s).
+PERIOD = 0.05
+
+
+class _Moment(NamedTuple):
+    time: float  #: s
+    placement: Placement
+    trail: NDArray[np.float64]  #: (m, 2, 3), see `Trail`
+
+
+class Recording:
+    """What the scene shows at some moments."""
+
+    def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
+        self._feed, self._meshes = feed, Meshes(meshes)
+        self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
+        self._moments: list[_Moment] = []
+
+    @property
+    def has_frames(self) -> bool:
+        """True if there is a moment."""
+        return bool(self._moments)
+
+    @property
+    def duration(self) -> float:
+        """The time from the first moment to the last one (s)."""
+        return self._moments[-1].time - self._moments[0].time if self._moments else 0.0
+
+    def add(self, time: float, until: int = 0) -> None:
+        """
+        Add a moment, if there are frames.
+
+        :param time: when it is, after the moments before (s).
+        :param until: the time of a bag (ns); 0: the frames are live.
+        """
+        self._feed.descriptions()  # it searches for them
+        placement = self._watcher.placement('', until)
+        if placement.names:
+            self._moments.append(_Moment(
+                time, placement, self._trail.lines(placement, placement.deepest, Display())))
+
+    def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
+        """
+        Return the page; there must be a moment.
+
+        :param on_progress: called with the time of each moment, in seconds after the first one.
+        """
+        server = Server(create_server(('127.0.0.1', 0)), lambda headers: 'there is no page here')
+        try:
+            descriptions = self._feed.descriptions()
+            for file in mesh_files(descriptions.values()):
+                self._meshes.load(file)
+            scene = Scene(server, self._meshes)
+            scene.body.at_a_time = sys.maxsize  # nobody waits
+            # Only the first position of the camera counts, and at the end most frames are known.
+            placement = self._moments[-1].placement
+            look_at(placement, placement.names, [server.initial_camera])
+            serializer, before = server.get_scene_serializer(), self._moments[0].time
+            for time, placement, trail in self._moments:
+                on_progress(time - self._moments[0].time)
+                serializer.insert_sleep(time - before)
+                scene.show(placement, Display(with_names=len(placement.names) <= NAMES_AT_ONCE),
+                           placement.deepest, trail, descriptions, BodyDisplay())
+                before = time
+            serializer.insert_sleep(PERIOD)  # before the loop begins again
+            return str(serializer.as_html())
+        finally:
+            server.stop()

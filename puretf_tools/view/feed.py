@@ -1,0 +1,190 @@
+"""Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
+
+from collections.abc import Callable, Iterable, Mapping
+from time import monotonic
+from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
+
+from puretf import Frame, TransformBuffer
+from puretf.formatting import SECOND
+from puretf_tools.inspection.forest import frequency
+from puretf_tools.inspection.traffic import Traffic
+from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.hand_publisher import HandPublisher
+from puretf_tools.view.joint_control import JointCommanders, JointControls
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from puretf import Buffer
+
+AnyBuffer = Union[TransformBuffer, 'Buffer']
+#: Stamps that differ this much (ns) from the median are outliers.
+_FAR = 24 * 3600 * SECOND
+#: The length of a trail; a live buffer keeps transforms for twice this time (s).
+LENGTH = 20
+#: The largest number of frames whose rate is measured at the same time.
+_MEASURED = 10
+
+
+class Player:
+    """The playback clock of a bag: it runs in a loop."""
+
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        dynamic = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
+        self._begin = min(_without_outliers([frame.oldest for frame in dynamic]))
+        self._end = max(self._begin, *_without_outliers([frame.latest for frame in dynamic]))
+        self._position, self._last = 0, monotonic()
+        self.speed = 1.0  #: how many times as fast as the recording it runs
+
+    @property
+    def length(self) -> float:
+        """The length of the bag (s); 0 if it has no dynamic frames."""
+        return (self._end - self._begin) / SECOND
+
+    @property
+    def position(self) -> float:
+        """Seconds after the start of the bag."""
+        return self._position / SECOND
+
+    @property
+    def time(self) -> int:
+        """The time on the clock of the stamps (ns)."""
+        return self._begin + self._position
+
+    def position_of(self, time: int) -> float:
+        """Return a time on the clock of the stamps (ns) in seconds after the start of the bag."""
+        return (time - self._begin) / SECOND
+
+    def advance(self, plays: bool) -> None:
+        """Advance by the time since the last call; from the end of the bag, go to its start."""
+        now = monotonic()
+        passed, self._last = now - self._last, now
+        if plays:
+            self._position = (
+                0 if self.time >= self._end else
+                min(self._end - self._begin, self._position + round(passed * self.speed * SECOND)))
+
+    def seek(self, position: float) -> None:
+        """Go to a time, in seconds after the start of the bag."""
+        self._position = min(max(0, round(position * SECOND)), self._end - self._begin)
+
+
+def _without_outliers(stamps: list[int]) -> list[int]:
+    """
+    Return the stamps (ns) near the median; [1] if there are none.
+
+    The stamps of a node that publishes before its clock is set can be wrong by years.
+    """
+    if not stamps:
+        return [1]
+    median = sorted(stamps)[len(stamps) // 2]
+    return [stamp for stamp in stamps if abs(stamp - median) < _FAR]
+
+
+class Publication(NamedTuple):
+    """How a frame is published."""
+
+    rate: Optional[float]  #: Hz; None if the rate is not known
+    delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
+    publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
+
+
+class Feed(Protocol):
+    """Where the frames come from."""
+
+    name: str  #: as shown in the panel
+    buffer: AnyBuffer
+    player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
+    hand_publisher: Optional[HandPublisher]  #: None for a bag, where nothing can be published
+    joint_controls: Optional[JointControls]  #: None for a bag
+    #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). The list is
+    #: empty until the bag is examined.
+    findings: list[tuple[str, int]]
+
+    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+        """Return the descriptions of robots by topic; the same object if none has changed."""
+
+    def publication(self, frame: Frame) -> Publication:
+        """Return how a frame is published."""
+
+    def topics_hint(self) -> str:
+        """Return which publishers have a wrong type, and which other topics have transforms."""
+
+    def why_no_frames(self) -> str:
+        """Return the likely reason that there are no frames."""
+
+
+class BagFeed:
+    """A bag that is played."""
+
+    def __init__(self, buffer: TransformBuffer, name: str) -> None:
+        self.buffer: AnyBuffer = buffer
+        self.name = name
+        self.player: Optional[Player] = Player(buffer.frames())
+        self.hand_publisher: Optional[HandPublisher] = None
+        self.joint_controls: Optional[JointControls] = None
+        self.findings: list[tuple[str, int]] = []
+        #: Empty until the command has read them.
+        self.robots: Mapping[str, DescriptionOrWhy] = {}
+
+    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+        return self.robots
+
+    def publication(self, frame: Frame) -> Publication:
+        return Publication(frequency(frame), None, frame.authority)
+
+    def topics_hint(self) -> str:
+        return ''  # when the bag is opened, the command checks its topics
+
+    def why_no_frames(self) -> str:
+        return 'The bag has no transforms up to this time.'
+
+
+class LiveFeed:
+    """The frames on /tf and /tf_static."""
+
+    def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None,
+                 descriptions: Optional[Mapping[str, DescriptionOrWhy]] = None) -> None:
+        """Listen; `joint_controls`, `descriptions`: None: those of the nodes in the network."""
+        from puretf_tools.inspection.frame_listener import FrameListener
+        from puretf_tools.robot.description_listener import DescriptionListener
+        self.player: Optional[Player] = None
+        self.findings: list[tuple[str, int]] = []
+        #: By name: the traffic of the frames that viewers look at, the last one asked for last.
+        self._traffic: dict[str, Traffic] = {}
+        self._frame_listener = FrameListener(node, 2 * LENGTH)
+        #: Returns the descriptions.
+        self.descriptions: Callable[[], Mapping[str, DescriptionOrWhy]] = (
+            (lambda: descriptions) if descriptions is not None else DescriptionListener(
+                node, self._frame_listener.topics[0].rpartition('/')[0]).descriptions)
+        self.name = ' and '.join(reversed(self._frame_listener.topics))
+        self.buffer: AnyBuffer = self._frame_listener.buffer
+        self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)
+        self.joint_controls: Optional[JointControls] = joint_controls or JointCommanders(node)
+
+    def publication(self, frame: Frame) -> Publication:
+        """Return how a frame is published; the first call for a frame starts a measurement."""
+        listener = self._frame_listener.publisher_listener
+        messages, _ = listener.received()
+        for each in self._traffic.values():
+            each.observe(messages)
+        traffic = self._traffic.pop(frame.name, None) or Traffic(
+            self._frame_listener.now, frame.name)
+        self._traffic[frame.name] = traffic
+        if len(self._traffic) > _MEASURED:
+            del self._traffic[next(iter(self._traffic))]
+        publisher = listener.names_of([frame.authority])[frame.authority]
+        nodes = [each for each in traffic.by_node(listener)
+                 if each.frame == frame.name and each.is_present is not False]
+        summary = next((each.summary for each in nodes if each.node == publisher), None)
+        if len(several := [each.node for each in nodes if each.is_present]) > 1:
+            publisher = f'{" and ".join(several)} (more than one publisher)'
+        if summary is None:
+            return Publication(None, None, publisher)
+        return Publication(summary.rate, summary.average_delay, publisher)
+
+    def topics_hint(self) -> str:
+        return self._frame_listener.topics_hint()
+
+    def why_no_frames(self) -> str:
+        return self._frame_listener.why_no_frames()

@@ -1,0 +1,200 @@
+"""A static frame that a viewer places by hand: its controls, its handles, and texts to copy."""
+
+from collections.abc import Sequence
+import json
+from math import degrees, isfinite, radians
+from typing import Any, Optional
+
+import viser
+
+from puretf import is_too_long
+from puretf.formatting import suggest_names, visible, visible_name
+from puretf.rotations import euler_from_quaternion, quaternion_from_euler
+from puretf_tools.inspection.forest import self_and_ancestors
+from puretf_tools.view.controls import FrameChoice
+from puretf_tools.view.copied import command_line, copied, decimal
+from puretf_tools.view.details import html
+from puretf_tools.view.hand_publisher import HandPublisher, StaticTransform
+from puretf_tools.view.placement import Placement, REACH
+from puretf_tools.view.viser_private import HANDLES
+
+Vector = tuple[float, ...]
+
+#: The size of the handles (m).
+_SIZE = 0.3
+#: Numbers are rounded to these digits: 1 mm, 0.01°.
+_DIGITS, _ANGLE_DIGITS = 3, 2
+#: The largest angle (degrees).
+_LARGEST_ANGLE = 360.0
+_LIMITS = ((-REACH, REACH),) * 3
+_ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class HandFrame:
+    """
+    A static frame that a viewer places by hand.
+
+    Callbacks run in the thread of viser. They store what viewers set, and keep the numbers and the
+    handles equal.
+    """
+
+    def __init__(self, gui: viser.GuiApi, scene: viser.SceneApi,
+                 publisher: Optional[HandPublisher] = None) -> None:
+        """Add the controls to the current container; `publisher`: None for a bag."""
+        self._publisher = publisher
+        self._published: Optional[StaticTransform] = None
+        self._name, self._is_on = '', False
+        #: The name and the parent that were refused, and why.
+        self._refusal = '', '', ''
+        #: x, y, z (m) and roll, pitch, yaw (degrees) in the parent.
+        self._pose = _ZERO, _ZERO
+        self._name_control = gui.add_text(
+            'New frame', '', hint='the name of a frame that you place by hand')
+        self._name_control.on_update(self._on_name)
+        self._parent = FrameChoice(gui, 'Parent', 'the parent of the new frame')
+        self._position = gui.add_vector3('x, y, z (m)', (0.0, 0.0, 0.0), step=10.0**-_DIGITS,
+                                         hint='the position in the parent')
+        self._angles = gui.add_vector3(
+            'RPY (°)', (0.0, 0.0, 0.0), step=10.0**-_ANGLE_DIGITS,
+            hint='roll, pitch, yaw: turns about the fixed axes x, y, z of the parent, in this '
+                 'order')
+        for control in self._position, self._angles:
+            control.on_update(self._on_numbers)
+        self._checkbox = gui.add_checkbox(
+            'Publish', False, visible=publisher is not None,
+            hint='publish the new frame on /tf_static. When you switch this off, programs that '
+                 'have received the frame keep it until they end')
+        self._checkbox.on_update(self._on_publish)
+        self._text = gui.add_html('')
+        self._parent_node = scene.add_frame(HANDLES.rpartition('/')[0], show_axes=False)
+        self._handles = scene.add_transform_controls(
+            HANDLES, _SIZE, translation_limits=_LIMITS, depth_test=False, visible=False)
+        self._handles.on_update(self._on_drag)
+
+    async def _on_name(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None and (name := event.target.value.strip()) != self._name:
+            # What is typed letter by letter must not be published.
+            self._is_on, self._name = False, name
+
+    async def _on_publish(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None:
+            self._is_on = event.target.value
+            if self._is_on and self._parent.name:
+                # The proposal may change, but the parent of a published frame must not.
+                self._parent.choose(self._parent.name)
+
+    async def _on_numbers(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None:
+            self._set_pose(self._position.value, self._angles.value)
+            self._move_handles()
+
+    async def _on_drag(self, event: 'viser.TransformControlsEvent') -> None:
+        if event.phase == 'update':
+            w, x, y, z = event.target.wxyz.tolist()
+            position: Vector = (*event.target.position.tolist(),)
+            self._set_pose(position, (*map(degrees, euler_from_quaternion((x, y, z, w))),))
+            if any(abs(value) > REACH for value in position):
+                self._move_handles()
+
+    def _set_pose(self, position: Vector, angles: Vector) -> None:
+        """Round and clamp numbers of a viewer, and show them; keep the old ones if not finite."""
+        self._pose = (_valid(position, REACH, _DIGITS, self._pose[0]),
+                      _valid(angles, _LARGEST_ANGLE, _ANGLE_DIGITS, self._pose[1]))
+        self._position.value, self._angles.value = self._pose
+
+    def _move_handles(self) -> None:
+        position, angles = self._pose
+        x, y, z, w = _quaternion(angles)
+        self._handles.position, self._handles.wxyz = position, (w, x, y, z)
+
+    def set_frames(self, names: Sequence[str]) -> None:
+        """Set the frames that can be the parent."""
+        self._parent.set_options(names)
+
+    def update(self, placement: Placement) -> None:
+        """Move the handles with the parent, publish what has changed, and show the texts."""
+        self._parent.propose(placement.fixed)
+        name, parent, (position, angles) = self._name, self._parent.name, self._pose
+        transform = StaticTransform(parent, name, position, _quaternion(angles))
+        if parent in placement.names:
+            i = placement.names.index(parent)
+            x, y, z, w = placement.poses[i, 3:]
+            self._parent_node.position, self._parent_node.wxyz = placement.points[i], (w, x, y, z)
+        self._handles.visible = bool(name) and parent in placement.names
+        problem = _problem(transform, placement, can_be_published=self._publisher is not None)
+        if self._publisher is not None:
+            self._update_publication(transform, problem, self._publisher)
+        *refused, why = self._refusal
+        shown = (refused == [name, parent] and why) or (problem if name else '')
+        texts = [html(shown, 'hand')] * bool(shown)
+        if not problem:
+            numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
+                          (*position, *map(radians, angles)))
+            texts += [copied(command_line(parent, name, numbers), 'command'),
+                      copied(yaml_text(transform), 'yaml')]
+        if self._text.content != (content := ''.join(texts)):
+            self._text.content = content
+
+    def _update_publication(self, transform: StaticTransform, problem: str,
+                            publisher: HandPublisher) -> None:
+        """Send a transform that has changed; a refusal switches 'Publish' off."""
+        if self._is_on and transform != self._published:
+            if why := problem or publisher.send(transform, self):
+                self._is_on, why = False, f'not published: {why}'
+            else:
+                self._published = transform
+            self._refusal = transform.name, transform.parent, why
+        if not self._is_on:
+            self.stop()
+        if self._checkbox.value != self._is_on:
+            self._checkbox.value = self._is_on
+
+    def stop(self) -> None:
+        """Stop publishing the frame."""
+        if self._publisher is not None and self._published is not None:
+            self._publisher.stop(self._published.name)
+            self._published = None
+
+
+def _problem(transform: StaticTransform, placement: Placement, can_be_published: bool) -> str:
+    """Return why a transform cannot be published, whoever publishes its frame; '' if it can."""
+    parent, name = transform.parent, transform.name
+    if not name:
+        return 'the new frame has no name'
+    if is_too_long(name) or not name.isprintable():
+        return 'the name of a frame must be printable, and at most 1024 bytes long'
+    if name.startswith('/'):
+        return f'the name {name} begins with a slash, which tf2 does not allow'
+    if parent not in placement.names:
+        return (f'the parent {visible_name(parent)} does not exist. '
+                f'{suggest_names(parent, tuple(placement.names))}' if parent else
+                'choose a parent')
+    if name == parent:
+        return f'frame {name} cannot be its own parent'
+    if name in self_and_ancestors(parent, placement.frames):
+        return f'frame {name} is above {visible(parent)}: there would be a loop'
+    if not can_be_published and name in placement.frames:
+        return f'the bag has a frame {name} already'
+    return ''
+
+
+def yaml_text(transform: StaticTransform) -> str:
+    """Return a transform in YAML, with the fields of a TransformStamped."""
+    translation, rotation = (
+        ', '.join(f'{axis}: {decimal(value)}' for axis, value in zip('xyzw', values))
+        for values in (transform.translation, transform.rotation))
+    return (f'header:\n  frame_id: {json.dumps(transform.parent)}\n'
+            f'child_frame_id: {json.dumps(transform.name)}\ntransform:\n'
+            f'  translation: {{{translation}}}\n  rotation: {{{rotation}}}\n')
+
+
+def _quaternion(angles: Vector) -> Vector:
+    roll, pitch, yaw = map(radians, angles)
+    return quaternion_from_euler(roll, pitch, yaw)
+
+
+def _valid(values: Sequence[Any], largest: float, digits: int, old: Vector) -> Vector:
+    """Round and clamp three numbers; return the old ones if these are not three finite numbers."""
+    if len(values) != 3 or not all(map(isfinite, values)):
+        return old
+    return (*(round(min(max(value, -largest), largest), digits) + 0.0 for value in values),)

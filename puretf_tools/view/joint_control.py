@@ -1,0 +1,258 @@
+"""The joints that viewers move: their states are published, or a node is told to hold them."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from time import monotonic
+from typing import Any, Optional, Protocol, TYPE_CHECKING
+
+from puretf.formatting import comma_list, full_name, in_log
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.inspection.robots import joint_states_of
+from puretf_tools.robot.description import Description
+from puretf_tools.robot.descriptions import DescriptionOrWhy, TOPIC
+from puretf_tools.robot.joint_positions import JointPositions
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from sensor_msgs.msg import JointState
+
+#: The smallest and the largest rate of the messages (Hz).
+RATES = 0.1, 1000.0
+_TYPE = 'sensor_msgs/msg/JointState'
+_COMMAND = '/joint_command'
+#: The time between two looks at the nodes in the network (s).
+_PERIOD = 1.0
+#: After a viewer has moved a joint, its reported positions do not count for this time (s).
+_PATIENCE = 1.0
+#: The largest number of nodes that viewers can command.
+_MOST = 20
+
+
+class JointControl:
+    """The joints of one robot, which viewers move."""
+
+    can_wave = False  #: whether the robot can move by itself
+
+    def __init__(self, topic: str, description: Description) -> None:
+        self.topic, self.warning = topic, ''
+        self.positions = JointPositions(description)
+
+    def set_description(self, description: Description) -> None:
+        """Take a new description; the joints stay where they are."""
+        if description is not self.positions.description:
+            self.positions = JointPositions(description, self.positions.all())
+
+    def set(self, name: str, position: float) -> None:
+        """Move a joint (rad or m)."""
+        self.positions.set(name, position)
+
+    def centre(self) -> None:
+        """Move each joint to its centre."""
+        self.positions.centre()
+
+    def wave(self) -> None:
+        """Let the robot move by itself."""
+
+
+class JointControls(Protocol):
+    """The robots whose joints viewers can move."""
+
+    controls: list[JointControl]
+    why_none: str  #: why there is no control, and what to do
+    come_first: bool  #: whether the sliders are in the first tab
+
+    def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        """Look which robots there are; `descriptions`: those in the network, by topic."""
+
+
+class JointStatePublisher:
+    """Publishes the positions of all movable joints of one robot on joint_states."""
+
+    come_first = True
+
+    def __init__(self, node: 'Node', description: Optional[Description] = None) -> None:
+        """
+        Start; `description`: None: take that on the topic robot_description.
+
+        :raises UsageError: if the parameter `rate` is invalid.
+        """
+        from rcl_interfaces.msg import ParameterDescriptor
+        from sensor_msgs.msg import JointState
+        # With dynamic typing, an integer is accepted, too.
+        rate = node.declare_parameter('rate', 10.0, ParameterDescriptor(
+            dynamic_typing=True, read_only=True, description='rate of the messages (Hz)')).value
+        if not isinstance(rate, (int, float)) or isinstance(rate, bool) or not (
+                RATES[0] <= rate <= RATES[1]):
+            raise UsageError(f'rate must be a number from {RATES[0]:g} to {RATES[1]:g} Hz, '
+                             f'got {rate!r}')
+        self._node = node
+        self._publisher = node.create_publisher(JointState, 'joint_states', 10)
+        topic = self._publisher.topic_name
+        self.controls = [JointControl(topic, description)] if description else []
+        #: The topic of the description; '': it is given.
+        self._source = '' if description else node.resolve_topic_name(TOPIC)
+        self.why_none = (
+            f'No robot description has arrived on {in_log(self._source)}: start '
+            'robot_state_publisher FILE, or pass FILE to joint_state_publisher, too.')
+        if not description:
+            node.get_logger().info(
+                f'waiting for a robot description on {in_log(self._source)}')
+        self._next, self._warned = 0.0, ''
+        node.create_timer(1.0 / rate, self._publish)
+
+    def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        found = descriptions.get(self._source)
+        if isinstance(found, str):
+            self.why_none = found
+        elif found and self.controls:
+            self.controls[0].set_description(found)
+        elif found:
+            self.controls = [JointControl(self._publisher.topic_name, found)]
+        if monotonic() >= self._next:
+            self._next = monotonic() + _PERIOD
+            warning = self._warning()
+            if warning and not self._warned:
+                self._node.get_logger().warning(warning)
+            self._warned = warning
+        for control in self.controls:
+            control.warning = self._warned
+
+    def _publish(self) -> None:
+        for control in self.controls:
+            self._publisher.publish(_message(self._node, control.positions.all()))
+
+    def _warning(self) -> str:
+        """Return which other nodes publish joint states; '' if there are none."""
+        from puretf.publisher_listener import node_of, UNKNOWN
+        topic = self._publisher.topic_name
+        names = [name for info in self._node.get_publishers_info_by_topic(topic)
+                 if (name := node_of(info)) != UNKNOWN]
+        own = self._node.get_fully_qualified_name()
+        if own in names:
+            names.remove(own)
+        return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}, too: '
+                'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
+                ) if names else ''
+
+
+class JointCommander(JointControl):
+    """Tells a node which joints to hold; shows the joint states of its namespace."""
+
+    can_wave = True
+
+    def __init__(self, node: 'Node', topic: str, namespace: str, description: Description) -> None:
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from sensor_msgs.msg import JointState
+        super().__init__(topic, description)
+        self._node = node
+        #: The last joint states, in CDR; None: they have been read.
+        self._state: Optional[bytes] = None
+        #: When the reported positions count again, by joint (s, monotonic clock).
+        self._next: dict[str, float] = {}
+        self._publisher = node.create_publisher(JointState, topic, 10)
+        self._subscription = node.create_subscription(
+            JointState, full_name(namespace, 'joint_states'), self._on_state,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT), raw=True)
+
+    def close(self) -> None:
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_subscription(self._subscription)
+
+    def _on_state(self, state: Any) -> None:
+        self._state = state
+
+    def take_reported(self) -> None:
+        """Take the positions that have been reported last."""
+        from rclpy.serialization import deserialize_message
+        from sensor_msgs.msg import JointState
+        data, self._state = self._state, None
+        if data is None:
+            return
+        try:
+            state = deserialize_message(data, JointState)
+        except RuntimeError:  # it is malformed
+            return
+        now = monotonic()
+        for name, position in zip(state.name, state.position):
+            if now >= self._next.get(name, 0.0):
+                self.positions.set(name, position)
+
+    def set(self, name: str, position: float) -> None:
+        if name in self.positions.free:
+            super().set(name, position)
+            self._send([name])
+
+    def centre(self) -> None:
+        super().centre()
+        self._send([*self.positions.free])
+
+    def wave(self) -> None:
+        self._next.clear()
+        self._publisher.publish(_message(self._node, {}))
+
+    def _send(self, names: Sequence[str]) -> None:
+        self._next.update(dict.fromkeys(names, monotonic() + _PATIENCE))
+        self._publisher.publish(
+            _message(self._node, {name: self.positions[name] for name in names}))
+
+
+class JointCommanders:
+    """The nodes that listen to a topic joint_command."""
+
+    come_first = False
+    why_none = ''
+
+    def __init__(self, node: 'Node') -> None:
+        self._node, self._next = node, 0.0
+        #: By topic, and the namespace of a node that listens to it.
+        self._commanders: dict[tuple[str, str], JointCommander] = {}
+        self._listeners: list[tuple[str, str]] = []  # the same of all nodes, the nearest last
+        self.controls: list[JointControl] = []
+
+    def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        if is_due := monotonic() >= self._next:
+            self._next = monotonic() + _PERIOD
+            self._listeners = sorted(islice(self._listening(), _MOST), key=lambda each: (
+                each[0], len(each[1]), each[1]))
+        # Others listen, too, such as a recorder; of several, that in the longest namespace counts.
+        nearest = {topic: (namespace, description) for topic, namespace in self._listeners
+                   if isinstance(description := descriptions.get(full_name(namespace, TOPIC)),
+                                 Description)}
+        found = {(topic, namespace): description
+                 for topic, (namespace, description) in nearest.items()}
+        for key in self._commanders.keys() - found.keys():
+            self._commanders.pop(key).close()
+        for key, description in found.items():
+            if key not in self._commanders:
+                self._commanders[key] = JointCommander(self._node, *key, description)
+            self._commanders[key].set_description(description)
+            self._commanders[key].take_reported()
+        self.controls = [*self._commanders.values()]
+        if is_due and not self.controls:
+            self.why_none = self._why_none(descriptions)
+
+    def _why_none(self, descriptions: Iterable[str]) -> str:
+        from puretf.publisher_listener import node_of
+        for topic in map(joint_states_of, descriptions):
+            if names := {node_of(info) for info in self._node.get_publishers_info_by_topic(topic)}:
+                return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}: '
+                        'joint_state_publisher has its sliders on its own page; other nodes can '
+                        'be moved if they listen to a topic joint_command.')
+        return ('No node listens to a topic joint_command. To move the joints of a robot, start '
+                'joint_state_publisher FILE.')
+
+    def _listening(self) -> Iterator[tuple[str, str]]:
+        """Yield each topic joint_command with the namespace of each node that listens to it."""
+        from puretf.publisher_listener import node_of, UNKNOWN
+        for topic, types in sorted(self._node.get_topic_names_and_types()):
+            if topic.endswith(_COMMAND) and _TYPE in types:
+                for info in self._node.get_subscriptions_info_by_topic(topic):
+                    if info.topic_type == _TYPE and node_of(info) != UNKNOWN:
+                        yield topic, info.node_namespace
+
+
+def _message(node: 'Node', positions: dict[str, float]) -> 'JointState':
+    from sensor_msgs.msg import JointState
+    message = JointState(name=[*positions], position=[*positions.values()])
+    message.header.stamp = node.get_clock().now().to_msg()
+    return message

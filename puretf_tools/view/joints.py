@@ -1,0 +1,147 @@
+"""The sliders in the panel, with which viewers move the joints of a robot."""
+
+from collections import deque
+from collections.abc import Mapping
+from math import degrees, floor, log10, radians
+from typing import Any, Optional
+
+import viser
+
+from puretf.formatting import abbreviated, visible
+from puretf_tools.robot.description import Joint
+from puretf_tools.robot.joint_positions import bounds, JointPositions
+from puretf_tools.view.details import html
+from puretf_tools.view.joint_control import JointControl, JointControls
+
+#: The number of sliders that are shown at a time, and the time between two updates (s).
+_SLIDERS, _PERIOD = 50, 0.1
+_LONGEST_NAME = 40  # characters
+#: A slider has about this power of ten of steps.
+_STEPS = 4
+
+
+class _Slider:
+    """The slider of a joint, in m or degrees."""
+
+    def __init__(self, gui: viser.GuiApi, joint: Joint, position: float) -> None:
+        self.joint, self._is_linear = joint, joint.kind == 'prismatic'
+        lower, upper = map(self._value, bounds(joint))
+        width = upper - lower if upper - lower > 1e-9 else 1.0
+        self._digits = max(0, _STEPS - 1 - floor(log10(width)))
+        self.shown = self._rounded(position)
+        name, unit = abbreviated(joint.name, _LONGEST_NAME), 'm' if self._is_linear else '°'
+        self.handle = gui.add_slider(
+            f'{visible(name)} ({unit})', round(lower, self._digits),
+            round(upper, self._digits), 10.0**-self._digits, self.shown)
+
+    def _value(self, position: float) -> float:
+        return position if self._is_linear else degrees(position)
+
+    def _rounded(self, position: float) -> float:
+        return round(self._value(position), self._digits)
+
+    def position(self, value: float) -> float:
+        """Return the position (rad or m) of a value."""
+        return value if self._is_linear else radians(value)
+
+    def show(self, position: float) -> None:
+        if self.shown != (value := self._rounded(position)):
+            self.handle.value = self.shown = value
+
+
+class Joints:
+    """
+    The sliders for the joints of one robot.
+
+    Callbacks run in the thread of viser. They store what the viewer does until the next update.
+    """
+
+    def __init__(self, gui: viser.GuiApi, container: Any, source: JointControls) -> None:
+        """Add the controls to a tab or a folder."""
+        self._gui, self._container, self._source = gui, container, source
+        with container:
+            self._status = gui.add_html('')
+            self._choice = gui.add_dropdown('Joints of', ('',), visible=False)
+            self._centre = gui.add_button('Centre', visible=False, hint='moves each joint to 0, '
+                                          'or to the middle between its limits')
+            self._wave = gui.add_button('Wave', visible=False,
+                                        hint='lets the robot move by itself again')
+            self._turn = gui.add_button_group('Page', ('previous', 'next'), visible=False)
+        for button in self._turn, self._centre, self._wave:
+            button.on_click(self._on_event)
+        self._control: Optional[JointControl] = None  # the one that is shown
+        self._sliders: list[_Slider] = []
+        #: What the sliders belong to: the positions, and the page.
+        self._key: tuple[Optional[JointPositions], int] = None, 0
+        self._page, self._pages, self._next = 0, 1, 0.0
+        #: What the viewer has done since the last update: the handle, its value, and the topic of
+        #: the robot that was chosen.
+        self._actions: deque[tuple[Any, Any, str]] = deque()
+
+    async def _on_event(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None:
+            self._actions.append((event.target, event.target.value, self._choice.value))
+
+    def update(self, now: float) -> None:
+        """Do what the viewer wants, and show the positions; `now`: on the monotonic clock (s)."""
+        controls = {control.topic: control for control in self._source.controls}
+        self._act(controls)
+        if now < self._next:
+            return
+        self._next = now + _PERIOD
+        options = (*controls,) or ('',)
+        if self._choice.options != options:
+            self._choice.options = options
+        control = self._control = controls.get(self._choice.value)
+        _set_visible(self._choice, len(controls) > 1)
+        _set_visible(self._centre, control is not None)
+        _set_visible(self._wave, control is not None and control.can_wave)
+        self._show(control.positions if control else None)
+        text = self._source.why_none
+        if control:
+            text = control.warning or f'The positions are sent on {control.topic}.'
+        if self._pages > 1:
+            text += f' Page {self._page + 1} of {self._pages}.'
+        if self._status.content != (content := html(text, 'joints')):
+            self._status.content = content
+
+    def _act(self, controls: Mapping[str, JointControl]) -> None:
+        while self._actions:
+            target, value, topic = self._actions.popleft()
+            chosen, shown = controls.get(topic), self._control
+            if target is self._turn:
+                step = 1 if value == 'next' else -1
+                self._page = min(max(self._page + step, 0), self._pages - 1)
+            elif target is self._centre and chosen:
+                chosen.centre()
+            elif target is self._wave and chosen:
+                chosen.wave()
+            for slider in self._sliders:
+                # The robot of the sliders may have left since they were shown.
+                if target is slider.handle and shown and controls.get(shown.topic) is shown:
+                    slider.shown = float(value)
+                    shown.set(slider.joint.name, slider.position(slider.shown))
+
+    def _show(self, positions: Optional[JointPositions]) -> None:
+        joints = [*positions.free.values()] if positions else []
+        self._pages = max(1, -(-len(joints) // _SLIDERS))
+        self._page = min(self._page, self._pages - 1)
+        _set_visible(self._turn, self._pages > 1)
+        if self._key != (key := (positions, self._page)):
+            self._key = key
+            for slider in self._sliders:
+                slider.handle.remove()
+            first = self._page * _SLIDERS
+            with self._container:
+                self._sliders = [_Slider(self._gui, joint, positions[joint.name])
+                                 for joint in joints[first:first + _SLIDERS] if positions]
+            for slider in self._sliders:
+                slider.handle.on_update(self._on_event)
+        for slider in self._sliders:
+            if positions:
+                slider.show(positions[slider.joint.name])
+
+
+def _set_visible(handle: Any, is_visible: bool) -> None:
+    if handle.visible != is_visible:
+        handle.visible = is_visible

@@ -1,0 +1,180 @@
+"""The meshes that descriptions of robots name: found below a search path, and loaded once."""
+
+from collections.abc import Iterable, Sequence
+from io import BytesIO
+import logging
+import os
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any, NamedTuple, Optional, Union
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+import trimesh
+
+from puretf_tools.robot.description import Rgba
+
+#: The formats that are loaded, by the end of the file's name.
+FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
+#: The largest size of a file (bytes).
+MAX_BYTES = 50_000_000
+#: The largest number of triangles of a mesh.
+MAX_FACES = 2_000_000
+#: By format: what each part has, and the largest number of these: trimesh takes seconds for them,
+#: and mostly four times as long for twice as many.
+_PARTS = {'.glb': (b'{', 20_000), '.dae': (b'<', 50_000), '.obj': (b'usemtl', 2000),
+          '.stl': (b'solid', 4000)}
+_REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
+
+
+class Mesh(NamedTuple):
+    """A mesh."""
+
+    vertices: NDArray[np.float32]  #: (n, 3): x, y, z (m)
+    faces: NDArray[np.uint32]  #: (m, 3): indices of vertices
+    rgba: Optional[Rgba]  #: None if it has no color, or several ones
+
+
+class MeshError(Exception):
+    """A mesh cannot be shown; the text says why, and what to do."""
+
+
+class Meshes:
+    """The meshes below the directories of a search path, by their file in a description."""
+
+    def __init__(self, directories: Iterable[str] = ()) -> None:
+        """Search these directories, then `share` of each prefix of a ROS environment."""
+        prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+        self._directories = [Path(os.path.abspath(directory)) for directory in (
+            *directories, *(os.path.join(prefix, 'share') for prefix in prefixes if prefix))]
+        #: By file; None: it is being loaded.
+        self._loaded: dict[str, Union[Mesh, str, None]] = {}
+        self._wanted: SimpleQueue[str] = SimpleQueue()
+        self._thread: Optional[Thread] = None
+
+    def get(self, file: str) -> Union[Mesh, str, None]:
+        """Return a mesh, or why there is none; None: a thread loads it, ask again later."""
+        if file not in self._loaded:
+            self._loaded[file] = None
+            self._wanted.put(file)
+            if self._thread is None:
+                self._thread = Thread(target=self._load_wanted, daemon=True)
+                self._thread.start()
+        return self._loaded[file]
+
+    def forget_failures(self) -> None:
+        """Try again to load the meshes that could not be loaded, when they are asked for."""
+        for file, mesh in [*self._loaded.items()]:
+            if isinstance(mesh, str):
+                del self._loaded[file]
+
+    def load(self, file: str) -> None:
+        """Load a mesh now."""
+        if self._loaded.get(file) is None:
+            try:
+                self._loaded[file] = load(self.find(file))
+            except MeshError as error:
+                self._loaded[file] = str(error)
+
+    def _load_wanted(self) -> None:
+        while True:
+            self.load(self._wanted.get())
+
+    def find(self, file: str) -> Path:
+        """
+        Return the path of a file that a description names.
+
+        Only files below the directories are found. Links in the directories are followed: they
+        belong to the user, not to who has sent the description.
+
+        :param file: `package://PACKAGE/PATH` or `file:///PATH`.
+        """
+        scheme, _, rest = file.partition('://')
+        name = unquote(rest)
+        if scheme not in ('package', 'file') or '\0' in name or (
+                scheme == 'file') != name.startswith('/'):
+            raise MeshError('only package://PACKAGE/PATH and file:///PATH are read')
+        # os.path.join takes an absolute path as it is.
+        paths = [Path(os.path.normpath(os.path.join(directory, name)))
+                 for directory in self._directories]
+        allowed = [path for path in paths if any(
+            directory in path.parents for directory in self._directories)]
+        if paths and not allowed:
+            raise MeshError(f'it is not below a directory of the search path: {_REMEDY}')
+        for path in allowed:
+            if os.path.isfile(path):  # Path.is_file raises an error for a name that is too long
+                return path
+        searched = ', '.join(map(str, self._directories))
+        raise MeshError(f'there is no such file below {searched}: {_REMEDY}' if searched else
+                        f'there is no directory to search: {_REMEDY}')
+
+
+def load(path: Path) -> Mesh:
+    """Load a mesh; trimesh gets the bytes of this file, and reads no others."""
+    kind = path.suffix.lower()
+    if kind not in FORMATS:
+        raise MeshError(f'the format {kind!r:.20} is not read: convert it to one of '
+                        f'{", ".join(FORMATS)}')
+    try:
+        with path.open('rb') as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise MeshError(f'{path} cannot be read: {error.strerror or error}') from None
+    if len(data) > MAX_BYTES:
+        raise MeshError(f'it has more than {MAX_BYTES // 10**6} MB: simplify it')
+    mark, most = _PARTS.get(kind, (b' ', MAX_BYTES))
+    # A .glb file begins with JSON, whose length is known; the mark may occur in what follows.
+    parts_in = data[:20 + int.from_bytes(data[12:16], 'little')] if kind == '.glb' else data
+    if parts_in.lower().count(mark) > most:
+        raise MeshError('it has too many parts: join them in another program')
+    logging.getLogger('trimesh').setLevel(logging.CRITICAL)  # the panel has a line
+    try:
+        scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:])
+        parts = [(matrix, scene.geometry[name])
+                 for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
+                 if isinstance(scene.geometry[name], trimesh.Trimesh)]
+        if sum(len(part.faces) for _, part in parts) > MAX_FACES:  # a part may be used often
+            raise MeshError(f'it has more than {MAX_FACES} triangles: simplify it')
+        mesh = _joined(parts)
+    except MeshError:
+        raise
+    except ImportError as error:
+        raise MeshError('.dae files need pycollada: pip install pycollada, or convert it to .stl'
+                        if kind == '.dae' else f'{error}: convert it to .stl') from None
+    except Exception as error:  # trimesh and its libraries raise errors of many types
+        text = ' '.join(f'{type(error).__name__}: {error}'.split())
+        raise MeshError(f'it cannot be loaded ({text:.200}): open it with another program, and '
+                        'save it as .stl') from None
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise MeshError('it has no triangles, or numbers that are not finite: export it again')
+    return mesh
+
+
+def _joined(parts: Sequence[tuple[NDArray[np.float64], trimesh.Trimesh]]) -> Mesh:
+    """Join meshes, each with its pose; trimesh itself would need scipy for some of them."""
+    vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    for matrix, part in parts:
+        vertices.append(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
+        faces.append(part.faces + count)
+        count += len(part.vertices)
+    colors = {_color(part.visual) for _, part in parts}
+    return Mesh(
+        np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.uint32),
+        colors.pop() if len(colors) == 1 else None)
+
+
+def _color(visual: Any) -> Optional[Rgba]:
+    """Return the color of a mesh that has a single one."""
+    colors = visual.face_colors if visual.kind == 'face' else (
+        visual.vertex_colors if visual.kind == 'vertex' else
+        getattr(visual.material, 'baseColorFactor', None) if visual.kind == 'texture' else None)
+    if colors is None or not len(colors) or (
+            visual.kind == 'texture' and visual.material.baseColorTexture is not None):
+        return None
+    colors = np.atleast_2d(colors)
+    if (colors != colors[0]).any():
+        return None
+    red, green, blue, alpha = (colors[0] / 255.0).tolist()
+    return red, green, blue, alpha

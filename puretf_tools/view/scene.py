@@ -1,0 +1,269 @@
+"""The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
+
+from collections import deque
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from itertools import islice
+from typing import Any, Optional, Union
+
+import numpy as np
+from numpy.typing import NDArray
+import trimesh
+import viser
+
+from puretf.formatting import comma_list, visible_name
+from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.body import Body, BodyDisplay
+from puretf_tools.view.display import VIEWS
+from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.placement import Placement
+from puretf_tools.view.rods import Display, Rods, rods, TIMEOUT
+
+#: One update moves at most this many names; the next update moves the next ones.
+NAMES_AT_ONCE = 50
+_LONGEST_NAME = 40  # characters
+#: The width of a letter of a label, and half the height of a label (pixels).
+_LETTER, _HALF_LINE = 7.0, 10.0
+#: The number of names in the text of a label that several frames at one place share.
+_SHARED_NAMES = 2
+_SIDES = 8  # of a cylinder
+_CELLS = 20  # the number of cells along each side of the grid
+_LIGHT_GRID, _DARK_GRID = (215, 215, 215), (70, 70, 70)
+_TRAIL_WIDTH = 3.0  # pixels
+_TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
+#: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
+#: one label shows both names, since two labels would overlap.
+_NEAR = 0.34
+#: The camera shows a sphere around all frames. The radius of the sphere is at least this (m).
+_SMALLEST_VIEW = 0.5
+#: The camera sees this many metres or radii of the sphere, whichever is more.
+_FAR = 1000.0
+#: The vertical field of view of the camera (rad).
+_ANGLE = 0.8
+#: The distance of the camera from the middle of the sphere, in radii of the sphere.
+_DISTANCE = 4.4
+#: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
+#: fraction of the distance the camera looks below the middle.
+_FAR_DISTANCE, _BELOW = 7.0, 0.24
+#: The camera is shifted to the right by half of this width, since the panel covers the right side
+#: of the page; and the height of a page that is not known (pixels).
+_PANEL, _HEIGHT = 390.0, 900.0
+
+
+#: The text of a label, and its position (x, y, z; m).
+_Label = tuple[str, NDArray[np.float64]]
+
+
+class Scene:
+    """The three-dimensional view of the frames, of one viewer or of all."""
+
+    def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer], meshes: Meshes
+                 ) -> None:
+        self._scene, self._owner = owner.scene, owner
+        self._grid: Optional[viser.LineSegmentsHandle] = None
+        self._shown_grid = 0.0, False  # its cell (m), and whether it is dark
+        self._rods: Optional[viser.BatchedMeshHandle] = None
+        self._trail: Optional[viser.LineSegmentsHandle] = None
+        #: By the name of their frame: the labels, of which some are not visible. None is used for
+        #: another frame: a slow browser would show it with the old text for a moment.
+        self._labels: dict[str, viser.LabelHandle] = {}
+        self._label_count = self._next_label = 0
+        #: In the order of the rods, so that `_click` finds the frame of a rod.
+        self._frame_names: list[str] = []
+        #: The frame that was clicked last, until somebody takes it.
+        self.clicks: deque[str] = deque(maxlen=1)
+        self.body = Body(self._scene, meshes, self.clicks.append)
+
+    def show(self, placement: Placement, display: Display, selected: str,
+             trail: NDArray[np.float64], descriptions: Mapping[str, DescriptionOrWhy],
+             body: BodyDisplay) -> None:
+        """Show frames, a trail of lines (m, 2, 3): x, y, z (m), and the bodies of robots."""
+        with self._owner.atomic():
+            self._frame_names = placement.names
+            self._show_grid(display.cell, display.is_dark)
+            self._show_rods(rods(placement, display, selected))
+            self._show_names(placement, display, selected)
+            self._show_trail(trail)
+            self.body.show(descriptions, placement, display, body)
+
+    def _show_grid(self, cell: float, is_dark: bool) -> None:
+        if (cell, is_dark) == self._shown_grid:
+            return
+        self._shown_grid = cell, is_dark
+        if self._grid is not None:
+            self._grid.remove()
+        self._grid = self._scene.add_line_segments(
+            '/grid', _grid(cell), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
+            thickness_units='screen') if cell else None
+
+    def _show_rods(self, new: Rods) -> None:
+        if not len(new.positions):
+            if self._rods is not None:
+                self._rods.visible = False
+            return
+        if self._rods is None:
+            cylinder = trimesh.creation.cylinder(1.0, segment=[[0, 0, 0], [0, 0, 1]],
+                                                 sections=_SIDES)
+            self._rods = self._scene.add_batched_meshes_simple(
+                '/frames', cylinder.vertices, cylinder.faces, new.wxyzs, new.positions,
+                batched_scales=new.scales, batched_colors=new.colors, lod='off',
+                cast_shadow=False, receive_shadow=False)
+            self._rods.on_click(self._click)
+            return
+        self._rods.batched_positions = new.positions
+        self._rods.batched_wxyzs = new.wxyzs
+        self._rods.batched_scales = new.scales
+        self._rods.batched_colors = new.colors
+        self._rods.visible = True
+
+    async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
+        names = self._frame_names
+        if isinstance(event.instance_index, int) and names:
+            self.clicks.append(names[event.instance_index % len(names)])
+
+    def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
+        texts = _texts(placement, display) if display.with_names else []
+        shown = {name: (text, position) for name, text, position in zip(
+            placement.names, texts, placement.points) if text}
+        if isinstance(self._owner, viser.ClientHandle):
+            # Names that are shown stay, so that they do not flicker.
+            first = [selected, *(name for name, label in self._labels.items() if label.visible)]
+            shown = _without_overlap(
+                {**{name: shown[name] for name in first if name in shown}, **shown},
+                self._owner.camera)
+        for name in self._labels.keys() - shown.keys():
+            self._labels[name].visible = False
+        for name in self._labels.keys() - {*placement.names}:
+            self._labels.pop(name).remove()
+        for name, (text, position) in shown.items():
+            if name not in self._labels:
+                self._labels[name] = self._scene.add_label(
+                    f'/names/{self._label_count}', text, visible=False, anchor='bottom-left')
+                self._label_count += 1
+            label = self._labels[name]
+            label.text = text
+            if not label.visible:
+                label.position, label.visible = position, True
+        begin = self._next_label % max(1, len(shown))
+        for name in islice([*shown, *shown], begin, begin + min(NAMES_AT_ONCE, len(shown))):
+            self._labels[name].position = shown[name][1]
+        self._next_label = begin + NAMES_AT_ONCE
+
+    def _show_trail(self, lines: NDArray[np.float64]) -> None:
+        if not len(lines):
+            if self._trail is not None:
+                self._trail.visible = False
+            return
+        age = np.linspace(0.0, 1.0, len(lines) + 1)[:, None]
+        along = _TRAIL_FADED + age * (np.array(_TRAIL_COLOUR) - _TRAIL_FADED)
+        colours = np.stack([along[:-1], along[1:]], axis=1).astype(np.uint8)
+        if self._trail is None:
+            self._trail = self._scene.add_line_segments(
+                '/trail', lines, colours, thickness=_TRAIL_WIDTH, thickness_units='screen')
+            return
+        self._trail.points, self._trail.colors = lines, colours
+        self._trail.visible = True
+
+
+def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],
+            direction: Sequence[float] = VIEWS['all'], timeout: float = TIMEOUT) -> None:
+    """Move cameras so that some frames are visible, seen from a direction (x, y, z)."""
+    wanted = {*names}
+    points = placement.points[[name in wanted and age < timeout for name, age in zip(
+        placement.names, placement.ages.tolist())]]
+    if not len(points):
+        return
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
+    away = np.array(direction) / np.linalg.norm(direction) * radius
+    right = np.cross((0.0, 0.0, 1.0), away)
+    width, height = _image_size(cameras[0])
+    if width < height:
+        away *= _FAR_DISTANCE
+        up = np.cross(away, right)
+        middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
+    else:
+        away *= _DISTANCE
+        middle += (right / np.linalg.norm(right) * np.linalg.norm(away)
+                   * np.tan(_ANGLE / 2) * _PANEL / height)
+    for each in cameras:
+        # viser fails if the client has sent an invalid pose.
+        with suppress(Exception), np.errstate(all='ignore'):
+            each.position, each.look_at = middle + away, middle
+            each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
+
+
+def _image_size(camera: Any) -> tuple[float, float]:
+    """Return the width and the height of the page of a camera (pixels)."""
+    with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
+        width, height = float(camera.image_width), float(camera.image_height)
+        if width > 0.0 and 1.0 <= height < 1e5:
+            return width, height
+    return 2 * _HEIGHT, _HEIGHT
+
+
+def _grid(cell: float) -> NDArray[np.float64]:
+    """
+    Return the lines of a grid: (n, 2, 3), two ends, x, y, z (m).
+
+    Without a GPU, drawing viser's own grid would take most of the time.
+    """
+    half = _CELLS * cell / 2
+    places = np.linspace(-half, half, _CELLS + 1)
+    along_y = np.array([[(x, -half, 0.0), (x, half, 0.0)] for x in places])
+    return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
+
+
+def _texts(placement: Placement, display: Display) -> list[str]:
+    """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
+    texts = ['' if age >= display.timeout or name in display.hidden else
+             _cut(visible_name(name))
+             for name, age in zip(placement.names, placement.ages.tolist())]
+    label_of = list(range(len(texts)))
+    for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
+        if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]
+                and np.linalg.norm(placement.points[i] - placement.points[parent])
+                < _NEAR * display.size):
+            label_of[i] = parent
+    shared: dict[int, list[str]] = {}
+    for i, text in enumerate(texts):
+        if label_of[i] != i:
+            first = label_of[i]
+            while label_of[first] != first:
+                first = label_of[first]
+            shared.setdefault(first, [texts[first]]).append(text)
+            texts[i] = ''
+    for i, names in shared.items():
+        texts[i] = comma_list(names, _SHARED_NAMES)
+    return texts
+
+
+def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle) -> dict[str, _Label]:
+    """Leave out labels that would cover earlier ones, as seen by a camera."""
+    if not labels:
+        return labels
+    try:
+        points = np.array([position for _, position in labels.values()]) - camera.position
+        # The camera looks along its z axis; its y axis points down (as in viser's documentation).
+        x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points).T
+        focal = camera.image_height / 2 / np.tan(camera.fov / 2)
+        with np.errstate(all='ignore'):
+            columns, rows = (np.floor(focal * each / z / side) for each, side in (
+                (x, _LETTER), (y, _HALF_LINE)))
+    except Exception:  # the camera is not known yet, or the client has sent nonsense
+        return labels
+    taken: set[tuple[float, float]] = set()
+    kept = {}
+    for (name, label), column, row, depth in zip(
+            labels.items(), columns.tolist(), rows.tolist(), z.tolist()):
+        cells = {(column + i, row - j) for i in range(len(label[0]) + 2) for j in range(3)}
+        if depth <= 0.0:  # behind the camera
+            kept[name] = label
+        elif taken.isdisjoint(cells):
+            taken |= cells
+            kept[name] = label
+    return kept
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f'{name[:_LONGEST_NAME]}…'

@@ -1,0 +1,235 @@
+"""The page: the scene and the panel, updated from a feed and from the viewers' choices."""
+
+from collections.abc import Callable, Mapping, Sequence
+from time import monotonic
+from typing import Any, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+import viser
+
+from puretf.formatting import SECOND
+from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.details import details, overview
+from puretf_tools.view.display import VIEWS
+from puretf_tools.view.feed import AnyBuffer, Feed, LENGTH
+from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.panel import Panel, SETTLING
+from puretf_tools.view.placement import FrameWatcher, Placement, within_reach
+from puretf_tools.view.playback import Playback
+from puretf_tools.view.rods import Display
+from puretf_tools.view.scene import look_at, Scene
+from puretf_tools.view.viser_private import Server
+
+#: The shortest time between two updates of the texts (s).
+_TEXT_PERIOD = 0.2
+#: The time between two updates of the hint at other topics (s).
+_HINT_PERIOD = 1.0
+#: The time between two points of a trail (ns).
+_TRAIL_STEP = SECOND // 20
+#: If a gap in the trail is longer than this (ns), it is filled with points from the buffer.
+_TRAIL_GAP = 4 * _TRAIL_STEP
+
+
+class Trail:
+    """The recent path of a frame; each call of `draw` can add points to it."""
+
+    def __init__(self, buffer: AnyBuffer) -> None:
+        self._buffer = buffer
+        self._restart('', '')
+
+    def _restart(self, target: str, frame: str) -> None:
+        self._frames = target, frame
+        self._times = np.empty(0, np.int64)
+        self._points = np.empty((0, 3))
+
+    def draw(self, target: str, frame: str, end: int, point: NDArray[np.float64]
+             ) -> NDArray[np.float64]:
+        """
+        Return the lines of the path over the last `LENGTH` seconds, the oldest first.
+
+        :param point: (3,): the position at the time `end` (ns), x, y, z (m).
+        :returns: (m, 2, 3): start and end of each line, x, y, z (m), none at unknown times.
+        """
+        first = max(1, end - LENGTH * SECOND)
+        last = max(self._times[-1:].tolist(), default=first)
+        # If the last point is later than `end`, time was set back.
+        if self._frames != (target, frame) or last > max(end, first):
+            self._restart(target, frame)
+            last = first
+        if end - last > _TRAIL_GAP:
+            times = np.arange(max(first, last + 1), end, _TRAIL_STEP, dtype=np.int64)
+            points, _, _ = self._buffer.lookup_transforms(target, frame, times)
+            self._times = np.append(self._times, times)
+            self._points = np.concatenate([self._points, points])
+        elif end - last >= _TRAIL_STEP:
+            self._times = np.append(self._times, end)
+            self._points = np.concatenate([self._points, [point]])
+        kept = self._times >= first
+        self._times, self._points = self._times[kept], self._points[kept]
+        points = np.concatenate([self._points, [point]])
+        lines = np.stack([points[:-1], points[1:]], axis=1)
+        return lines[np.isfinite(lines).all(axis=(1, 2))]
+
+    def lines(self, placement: Placement, name: str, display: Display) -> NDArray[np.float64]:
+        """Draw the trail of a placed frame in the scene; no lines if the frame is not drawn."""
+        if name in placement.names and name not in display.hidden:
+            i = placement.names.index(name)
+            if placement.ages[i] < display.timeout:
+                anchor, y = placement.anchor_of(name)
+                return within_reach(np.array([0.0, y, 0.0]) + self.draw(
+                    anchor, name, placement.stamps[i], placement.poses[i, :3]))
+        return np.empty((0, 2, 3))
+
+
+class View:
+    """The page: the frames, and what each of its viewers has chosen."""
+
+    def __init__(self, feed: Feed, server: Server, clock: Callable[[], float] = monotonic,
+                 meshes: Sequence[str] = ()) -> None:
+        """Show a feed; `meshes`: the directories with the meshes of robots."""
+        self._feed, self._clock, self._server = feed, clock, server
+        self._meshes = Meshes(meshes)
+        self._watcher = FrameWatcher(feed.buffer, clock)
+        self._playback = Playback(server.gui, feed.player, feed.findings) if feed.player else None
+        self._viewers: dict[int, Viewer] = {}
+        #: The hint at other topics, and the time of its next update (s, monotonic clock).
+        self._hint, self._next_hint = '', 0.0
+        server.gui.set_panel_label(feed.name)
+
+    def update(self) -> None:
+        """Read the feed and the panels, and update what each viewer sees."""
+        now = self._clock()
+        until = self._playback.update() if self._playback else 0
+        if now >= self._next_hint:
+            self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
+        descriptions = self._feed.descriptions()
+        if self._feed.joint_controls:
+            self._feed.joint_controls.update(descriptions)
+        clients = self._server.get_clients()
+        for gone in self._viewers.keys() - clients.keys():
+            self._viewers.pop(gone).close()
+        placements: dict[tuple[str, int], Placement] = {}
+        for number, client in clients.items():
+            if number not in self._viewers:
+                self._meshes.forget_failures()
+                self._viewers[number] = Viewer(
+                    client, self._feed, self._server.initial_camera, self._meshes)
+            key = self._viewers[number].request(until)
+            if key not in placements:
+                placements[key] = self._watcher.placement(*key)
+            self._viewers[number].update(placements[key], key, now, self._hint, descriptions)
+        if not until and all(time for _, time in placements):
+            self._watcher.watch()
+
+
+class Viewer:
+    """What one viewer sees: a scene and a panel."""
+
+    def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any,
+                 meshes: Meshes) -> None:
+        #: The camera of the viewer, and the one to which viewers can reset theirs.
+        self._cameras, self._feed = (client.camera, initial_camera), feed
+        self._scene = Scene(client, meshes)
+        self._panel = Panel(client, feed, self._look_from)
+        self._placement: Optional[Placement] = None
+        self._shown: tuple[str, int] = '', 0  # the request for `_placement`
+        self._paused_at = 0  # the time that a paused page shows (ns); 0: it is not paused
+        #: The frames that can be chosen.
+        self._names: dict[str, None] = {}
+        self._trail = Trail(feed.buffer)
+        #: The earliest times of the next update, and of that of the texts (s, monotonic clock).
+        self._next = self._next_texts = 0.0
+        #: The placement for which the shown texts were made, the names of the chosen fixed frame
+        #: and of the selected frame, the hint at other topics, and the timeout (s).
+        self._texts_key: tuple[Optional[Placement], tuple[str, str, str, float]] = (
+            None, ('', '', '', 0.0))
+        #: When the camera is moved so that all frames are visible (s, monotonic clock); None until
+        #: there are frames; infinite after this move.
+        self._turn_at: Optional[float] = None
+
+    def close(self) -> None:
+        """Stop what the viewer has started, after they have left."""
+        self._panel.hand_frame.stop()
+
+    def request(self, until: int) -> tuple[str, int]:
+        """
+        Return the chosen fixed frame ('' if there is none), and the time of the frames to show.
+
+        :param until: the time of a bag (ns); 0: the frames are live, and so is the result, unless
+            the viewer has paused them.
+        """
+        if self._paused_at:
+            until = max(1, self._paused_at - round(self._panel.back * SECOND))
+        return self._panel.fixed.chosen, until
+
+    def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str,
+               descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        """
+        Show the frames, unless they are paused.
+
+        :param latest: the frames of the request.
+        :param now: on the monotonic clock (s).
+        """
+        if now < self._next:
+            return
+        panel = self._panel
+        self._next = now + panel.display.period
+        if self._placement is None or not panel.is_paused or request != self._shown:
+            self._placement, self._shown = latest, request
+        placement = self._placement
+        if not panel.is_paused:
+            self._paused_at = 0
+        elif not self._paused_at:
+            self._paused_at = max(placement.stamps, default=0)
+            self._shown = request[0], self._paused_at  # the next request is the same
+        # A bag is played again and again, so its frames stay in the dropdowns.
+        self._names = dict.fromkeys(
+            [*(self._names if self._feed.player else ()), *placement.names])
+        panel.set_frames(placement, [*self._names], now)
+        if panel.tree.clicks:
+            panel.selected.choose(panel.tree.clicks.pop())
+        if self._scene.clicks:
+            click = self._scene.clicks.pop()
+            panel.selected.choose(click)
+            panel.tree.turn_to(click)
+        hidden = panel.tree.hidden(placement)
+        display = panel.display.display(hidden)
+        panel.tree.update(placement, panel.selected.name, hidden, now)
+        self._scene.show(placement, display, panel.selected.name,
+                         self._trail.lines(placement, panel.trail.name, display), descriptions,
+                         panel.body)
+        panel.update_robots(self._scene.body.lines, now)
+        panel.pair.update(request[1] or self._paused_at, now)
+        panel.hand_frame.update(placement)
+        self._update_texts(placement, now, hint, display.timeout)
+        self._turn_camera(placement, now)
+
+    def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
+        """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
+        key = placement, (
+            self._panel.fixed.chosen, self._panel.selected.name, hint, timeout)
+        if (placement is not self._texts_key[0] or key[1] != self._texts_key[1]) and (
+                now >= self._next_texts):
+            self._next_texts, self._texts_key = now + _TEXT_PERIOD, key
+            self._panel.show_texts(overview(
+                placement, self._feed, hint, self._panel.fixed.chosen, timeout),
+                                   details(placement, self._panel.selected.name, self._feed))
+
+    async def _look_from(self, view: str) -> None:
+        """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
+        if (placement := self._placement) is None:
+            return
+        display = self._panel.display.display(self._panel.tree.hidden(placement))
+        names = {self._panel.selected.name} if view == 'frame' else {
+            *placement.names} - display.hidden
+        look_at(placement, names, self._cameras, VIEWS.get(view, VIEWS['all']), display.timeout)
+
+    def _turn_camera(self, placement: Placement, now: float) -> None:
+        """Move the cameras at once, and once more `SETTLING` seconds after the first frame."""
+        if self._turn_at is None and placement.names:
+            self._turn_at = now + SETTLING
+            look_at(placement, placement.names, self._cameras)
+        if self._turn_at is not None and now >= self._turn_at:
+            self._turn_at = np.inf
+            look_at(placement, placement.names, self._cameras)
