@@ -13,9 +13,7 @@ os.environ.setdefault('ROS_DOMAIN_ID', '97')
 from measure import resident
 import rclpy
 
-from puretf import TFMessage
-from puretf._core.pose import IDENTITY
-from puretf.buffer_core import to_message
+from puretf import TFMessage, Transform
 
 
 def main(count: int = 1_000_000) -> None:
@@ -26,7 +24,7 @@ def main(count: int = 1_000_000) -> None:
     subscription = node.create_subscription(TFMessage, '/tf', lambda _: None, 10)
     publisher = node.create_publisher(TFMessage, '/tf', 10)
     message = TFMessage(transforms=[
-        to_message('map', f'frame_{i}', (1_000_000_002, IDENTITY))
+        Transform(1_000_000_002, 'map', f'frame_{i}').to_message()
         for i in range(2)])
     print('| published | taken | resident (MiB) |\n|---|---|---|')
     for published in range(count + 1):

@@ -12,7 +12,6 @@ from itertools import pairwise
 import math
 from typing import Optional
 
-from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ROSClock
 from rclpy.clock_type import ClockType
@@ -20,12 +19,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from dummy_arm.arm import Arm, Wave
-from puretf import PreparedTransforms, StaticTransformBroadcaster, TransformBroadcaster
-from puretf.formatting import comma_list, in_log, quoted, SECOND, suggest_names
+from puretf import (
+    PreparedTransforms,
+    StaticTransformBroadcaster,
+    Transform,
+    TransformBroadcaster,
+)
+from puretf.formatting import comma_list, in_log, quoted, suggest_names
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 
@@ -120,11 +125,9 @@ class DummyArm(Node):
 
         prefix = self.get_parameter(PREFIX).value
         frames = [prefix + frame for frame in self._arm.frames]
-        base = TransformStamped(child_frame_id=frames[0])
-        base.header.stamp = self.get_clock().now().to_msg()
-        base.header.frame_id = MAP
         self._static = StaticTransformBroadcaster(self)
-        self._static.sendTransform(base)
+        self._static.sendTransform(Transform(
+            self.get_clock().now().nanoseconds, MAP, frames[0]).to_message())
         self._published = [f'{MAP} -> {in_log(frames[0])} on {self._static.pub_tf.topic_name}']
         self._transforms: Optional[PreparedTransforms] = None
         if self.get_parameter('publish_tf').value:
@@ -253,7 +256,7 @@ class DummyArm(Node):
         if self._transforms:
             self._transforms.send(now_ns, self._arm.poses_at(angles))
         if self._angles:
-            self._state.header.stamp.sec, self._state.header.stamp.nanosec = divmod(now_ns, SECOND)
+            self._state.header.stamp = Time(nanoseconds=now_ns).to_msg()
             self._state.position = angles
             self._angles.publish(self._state)
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from puretf._ros.messages import TFMessage as TFMessage
     from puretf.buffer import Buffer as Buffer
     from puretf.buffer_core import BufferCore as BufferCore
-    from puretf.buffer_core import MessageBufferCore as MessageBufferCore
     from puretf.buffer_interface import BufferInterface as BufferInterface
     from puretf.buffer_interface import convert as convert
     from puretf.buffer_interface import ConvertRegistration as ConvertRegistration
@@ -60,7 +59,6 @@ _MODULES = {
     'InvalidArgumentException': 'exceptions',
     'is_too_long': '_core.frames',
     'LookupException': 'exceptions',
-    'MessageBufferCore': 'buffer_core',
     'MessageFilter': 'message_filter',
     'MsgStamped': 'buffer_interface',
     'NotImplementedException': 'buffer_interface',

@@ -13,7 +13,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from puretf._core.engine import Engine, engine_of
@@ -23,7 +23,7 @@ from puretf._ros.graph import blocked_nodes, surroundings
 from puretf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
 from puretf._ros.messages import TFMessage
 from puretf._ros.other_topics import OtherTopics
-from puretf._ros.qos import check_node, profile
+from puretf._ros.qos import check_node, profile, TF, TF_STATIC
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
 from puretf._wire import cdr
@@ -94,10 +94,9 @@ class TransformListener:
         self._lock = RLock()
         #: The subscription to the topic of dynamic transforms; None if `static_only` is True.
         self.tf_sub = None if static_only else self._subscribe(
-            tf_topic, self.callback, profile(qos, 100))
+            tf_topic, self.callback, profile(qos, TF))
         self.tf_static_sub = self._subscribe(
-            tf_static_topic, self.static_callback,
-            profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+            tf_static_topic, self.static_callback, profile(static_qos, TF_STATIC))
         self._other_topics = OtherTopics(
             node, [each.topic_name for each in self.subscriptions])
         self._qos_monitors: list[QosMonitor] = []

@@ -547,8 +547,8 @@ def _publisher(around: Surroundings, authority: str, is_static: bool) -> str:
 # Arguments
 
 
-def hint_at_duration(error: TransformException, *times: Any) -> None:
-    """Say in the hint of an error if a time of the failed lookup is a Duration."""
+def hint_at_duration(error: TransformException, *times: Any) -> TransformException:
+    """Say in the hint of an error if a time of the failed lookup is a Duration; return it."""
     if error._parts and any(type(time).__name__ == 'Duration' for time in times):
         # The hint of an ExtrapolationException would look for causes in the clocks.
         before = None if isinstance(error, ExtrapolationException) else error._parts[1]
@@ -559,3 +559,4 @@ def hint_at_duration(error: TransformException, *times: Any) -> None:
                     f'{see_more}{section}')
 
         with_hint(error, hint)
+    return error

@@ -19,7 +19,6 @@ from puretf._core.frames import as_string, Frame
 from puretf._core.history import History
 from puretf._core.pose import Row
 from puretf._core.texts import abbreviated, in_log, visible, visible_lines
-from puretf._core.tree import FrameTree
 from puretf._wire import cdr, ros1
 from puretf._wire.message_reader import MessageReader
 
@@ -84,14 +83,12 @@ class Counted(str):
 @pytest.mark.parametrize('step', [1, -1])
 def test_ever_new_parents_of_a_child_take_linear_time(step):
     """The number of comparisons grows with the number of transforms, not with its square."""
-    tree = FrameTree(10 * S)
+    history = History(10 * S)
     number = 1000
     Counted.comparisons = 0
     for i in range(number):
-        tree.insert(T + i * step * 1000, Counted(f'parent_{i}'), 'child', STILL, '', False)
+        history.insert(T + i * step * 1000, Counted(f'parent_{i}'), STILL, '')
     assert Counted.comparisons < 3 * number
-    history = tree.histories['child']
-    assert isinstance(history, History)
     assert [history.parent_of(i) for i in range(number)] == [
         f'parent_{i}' for i in range(number)[::step]]
     assert list(history.all_parents) == [f'parent_{i}' for i in range(number)]
@@ -434,7 +431,7 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
         buffer.insert(T, parent, child, STILL)
     watched = Watched(buffer, as_string)
     monkeypatch.setattr('puretf._core.frames.as_string', watched)
-    monkeypatch.setattr('puretf._core.tree.as_string', watched)
+    monkeypatch.setattr('puretf._core.failures.as_string', watched)
     listed = ('Frame a exists with parent map.\nFrame b exists with parent c.\n'
               'Frame c exists with parent b.\n')
     assert buffer.all_frames_as_string() == listed
