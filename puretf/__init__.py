@@ -46,43 +46,29 @@ if TYPE_CHECKING:
     )
     from puretf.transform_listener import TransformListener as TransformListener
 
-_MODULES = {
-    'Buffer': 'buffer',
-    'BufferCore': 'buffer_core',
-    'BufferInterface': 'buffer_interface',
-    'ConnectivityException': 'exceptions',
-    'convert': 'buffer_interface',
-    'ConvertRegistration': 'buffer_interface',
-    'ExtrapolationException': 'exceptions',
-    'FilterFailureReason': 'message_filter',
-    'Frame': '_core.frames',
-    'InvalidArgumentException': 'exceptions',
-    'is_too_long': '_core.frames',
-    'LookupException': 'exceptions',
-    'MessageFilter': 'message_filter',
-    'MsgStamped': 'buffer_interface',
-    'NotImplementedException': 'buffer_interface',
-    'PreparedTransforms': 'transform_broadcaster',
-    'PyKDLType': 'buffer_interface',
-    'Stamped': 'buffer_interface',
-    'StaticTransformBroadcaster': 'static_transform_broadcaster',
-    'StaticTransformListener': 'transform_listener',
-    'TFMessage': '_ros.messages',
-    'TimeoutException': 'exceptions',
-    'Transform': 'transform',
-    'TransformableObject': 'buffer_interface',
-    'TransformableObjectType': 'buffer_interface',
-    'TransformBroadcaster': 'transform_broadcaster',
-    'TransformBuffer': 'transform_buffer',
-    'TransformException': 'exceptions',
-    'TransformListener': 'transform_listener',
-    'TransformRegistration': 'buffer_interface',
-    'Twist': 'transform',
-    'TypeException': 'buffer_interface',
+#: The public names of each module.
+_NAMES = {
+    '_core.frames': 'Frame is_too_long',
+    '_ros.messages': 'TFMessage',
+    'buffer': 'Buffer',
+    'buffer_core': 'BufferCore',
+    'buffer_interface':
+        'BufferInterface convert ConvertRegistration MsgStamped NotImplementedException PyKDLType '
+        'Stamped TransformableObject TransformableObjectType TransformRegistration TypeException',
+    'exceptions':
+        'ConnectivityException ExtrapolationException InvalidArgumentException LookupException '
+        'TimeoutException TransformException',
+    'message_filter': 'FilterFailureReason MessageFilter',
+    'static_transform_broadcaster': 'StaticTransformBroadcaster',
+    'transform': 'Transform Twist',
+    'transform_broadcaster': 'PreparedTransforms TransformBroadcaster',
+    'transform_buffer': 'TransformBuffer',
+    'transform_listener': 'StaticTransformListener TransformListener',
 }
-_PUBLIC_MODULES = {module for module in _MODULES.values() if not module.startswith('_')}
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+_PUBLIC_MODULES = {module for module in _NAMES if not module.startswith('_')}
 
-__all__ = [*_MODULES]
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:

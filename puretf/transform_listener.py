@@ -57,11 +57,12 @@ class TransformListener:
     The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
     """
 
+    _has_tf = True
+
     def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
                  static_qos: Optional[Union[QoSProfile, int]] = None,
-                 tf_topic: str = '/tf', tf_static_topic: str = '/tf_static',
-                 static_only: bool = False) -> None:
+                 tf_topic: str = '/tf', tf_static_topic: str = '/tf_static') -> None:
         """
         Subscribe, and start the thread.
 
@@ -74,7 +75,6 @@ class TransformListener:
             volatile profile. None means the same as the int 100.
         :param static_qos: the QoS profile of the subscription to /tf_static. An int is the depth
             of a reliable, transient local profile. None means the same as the int 100.
-        :param static_only: True: subscribe to the topic of static transforms only.
         """
         check_node(node, f'{type(self).__name__}(buffer, node)')
         self.node = node
@@ -92,9 +92,9 @@ class TransformListener:
         #: Held only while `_engine` is replaced; reentrant because a signal handler may end the
         #: listener meanwhile.
         self._lock = RLock()
-        #: The subscription to the topic of dynamic transforms; None if `static_only` is True.
-        self.tf_sub = None if static_only else self._subscribe(
-            tf_topic, self.callback, profile(qos, TF))
+        #: The subscription to the topic of dynamic transforms; None in a StaticTransformListener.
+        self.tf_sub = self._subscribe(
+            tf_topic, self.callback, profile(qos, TF)) if self._has_tf else None
         self.tf_static_sub = self._subscribe(
             tf_static_topic, self.static_callback, profile(static_qos, TF_STATIC))
         self._other_topics = OtherTopics(
@@ -259,12 +259,14 @@ class StaticTransformListener(TransformListener):
     A program that needs no dynamic transforms saves the cost of receiving them.
     """
 
+    _has_tf = False
+
     def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
                  static_qos: Optional[Union[QoSProfile, int]] = None,
                  tf_static_topic: str = '/tf_static') -> None:
         """Subscribe; see `TransformListener` for the parameters."""
         super().__init__(buffer, node, spin_thread=spin_thread, static_qos=static_qos,
-                         tf_static_topic=tf_static_topic, static_only=True)
+                         tf_static_topic=tf_static_topic)
 
 
 def _surroundings(reference: ref[TransformListener]) -> Surroundings:
