@@ -8,9 +8,9 @@ transform, and has the header of the transform. Coordinates are in m.
 
 from array import array
 from collections.abc import Callable
-from copy import copy, deepcopy
+from copy import copy
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar, Union
+from typing import Any, cast, TypeVar, Union
 
 from geometry_msgs.msg import (
     Point,
@@ -36,8 +36,6 @@ from puretf._core.composition import compose, normalized
 from puretf._core.pose import Pose as FramePose
 from puretf.exceptions import described, is_of_rosbags
 
-#: A quaternion with a smaller squared norm is replaced by the identity, as in tf2_geometry_msgs.
-_NO_ROTATION = 2.0 ** -52
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 #: The datatypes of x, y and z: the name in numpy, and the size (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
@@ -53,51 +51,48 @@ def from_msg_msg(msg: Any) -> Any:
     return msg
 
 
-_Parameters = ParamSpec('_Parameters')
-_Result = TypeVar('_Result')
+_Function = TypeVar('_Function', bound=Callable[..., Any])
 #: The name of the function for each type.
 _functions: dict[type, str] = {}
 
 
-def _takes(kind: type) -> Callable[[Callable[_Parameters, _Result]],
-                                   Callable[_Parameters, _Result]]:
+def _takes(kind: type) -> Callable[[_Function], _Function]:
     """Decorate the function that transforms a type; its errors say what it takes."""
-    def decorate(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+    def decorate(function: _Function) -> _Function:
         _functions[kind] = function.__name__
 
         @wraps(function)
-        def checked(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
+        def checked(*args: Any, **kwargs: Any) -> Any:
             try:
                 return function(*args, **kwargs)
             except AttributeError as error:
                 types: list[Any] = [type(each) for each in (*args, *kwargs.values())]
                 if types == [kind, TransformStamped]:
                     raise
-                other = _functions.get(types[0])
+                other = '' if types[0] is kind else _functions.get(types[0], '')
                 names = ' and a '.join(
                     f'message {each.__msgtype__} of rosbags' if is_of_rosbags(each) else
                     each.__name__ for each in types)
                 raise AttributeError(
                     f'{error}. {function.__name__} takes a {kind.__name__} and a '
-                    f'TransformStamped, got a {names}'
-                    f'{f": use {other}" if other and types[0] is not kind else ""}') from None
-        return checked
+                    f'TransformStamped, got a {names}{other and f": use {other}"}') from None
+        return cast(_Function, checked)
     return decorate
 
 
 @_takes(PointStamped)
 def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
     """Transform a point."""
-    x, y, z = _transform_xyz(point.point, _pose_of(transform))
-    return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
+    point_there = Point(**_moved(point.point, _pose_of(transform)))
+    return PointStamped(header=_header(transform), point=point_there)
 
 
 @_takes(Vector3Stamped)
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
     """Rotate a vector; the translation of the transform does not apply to vectors."""
     rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
-    x, y, z = _transform_xyz(vector3.vector, rotation_only)
-    return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
+    return Vector3Stamped(
+        header=_header(transform), vector=Vector3(**_moved(vector3.vector, rotation_only)))
 
 
 @_takes(Pose)
@@ -134,9 +129,7 @@ def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformSt
                                  ) -> PolygonStamped:
     """Transform the points of a polygon."""
     result, pose = PolygonStamped(header=_header(transform)), _pose_of(transform)
-    for point in polygon.polygon.points:
-        x, y, z = _transform_xyz(point, pose)
-        result.polygon.points.append(Point32(x=x, y=y, z=z))
+    result.polygon.points = [Point32(**_moved(each, pose)) for each in polygon.polygon.points]
     return result
 
 
@@ -162,13 +155,11 @@ def _header(transform: TransformStamped) -> Header:
     if is_of_rosbags(transform):
         raise TypeError(f'expected a TransformStamped, got {described(transform)}: read the bag '
                         'by puretf.bag.read, and apply the transforms that it looks up')
-    header = transform.header
-    return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
+    return Header(stamp=copy(transform.header.stamp), frame_id=transform.header.frame_id)
 
 
-def _transform_xyz(point: Union[Point, Point32, Vector3], pose: FramePose
-           ) -> tuple[float, float, float]:
-    return compose(pose, (point.x, point.y, point.z, *_IDENTITY))[:3]
+def _moved(point: Union[Point, Point32, Vector3], pose: FramePose) -> dict[str, float]:
+    return dict(zip('xyz', compose(pose, (point.x, point.y, point.z, *_IDENTITY))))
 
 
 def _pose_of(transform: TransformStamped) -> FramePose:
@@ -181,7 +172,7 @@ def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> FramePose
 
 def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
-    if x * x + y * y + z * z + w * w < _NO_ROTATION:
+    if x * x + y * y + z * z + w * w < 2.0 ** -52:  # as in tf2_geometry_msgs
         return _IDENTITY
     return normalized(x, y, z, w)
 
@@ -202,12 +193,11 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
     result = copy(cloud)
     result.fields = list(cloud.fields)
     if isinstance(transform, TransformStamped):
-        result.header = deepcopy(transform.header)
+        result.header = _header(transform)
         transform = transform.transform
     data = array('B', bytes(cloud.data))
     points = [_column(cloud, name, data) for name in 'xyz']
-    rotation = rotations.matrix([transform.rotation.x, transform.rotation.y,
-                                 transform.rotation.z, transform.rotation.w])
+    rotation = rotations.matrix([getattr(transform.rotation, name) for name in 'xyzw'])
     translation = transform.translation.x, transform.translation.y, transform.translation.z
     xyz = [column.astype(np.float64) for column in points]
     for column, row, offset in zip(points, rotation, translation):
@@ -247,7 +237,6 @@ def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.flo
         raise ValueError(
             f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '
             f'{row_step} bytes a row, {name} at byte {field.offset}, in {len(data)} bytes of data')
-    view: NDArray[np.floating[Any]] = np.ndarray(
+    return np.ndarray(
         (rows, columns), ('>' if cloud.is_bigendian else '<') + kind, data,
         field.offset if rows * columns else 0, (row_step, point_step))
-    return view

@@ -6,12 +6,11 @@ each message, and the ROS graph tells to which node the publisher with this gid 
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Collection, Iterable
 from itertools import groupby, islice
 from operator import attrgetter
 from time import monotonic, time_ns
-from typing import Any, NamedTuple, Optional
+from typing import Any, NamedTuple, Optional, Union
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -31,12 +30,6 @@ from puretf.transform_listener import TransformListener
 __all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader',
            'TransformSampler', 'gid_of', 'node_of']
 
-#: The time between two regular queries of the ROS graph (s).
-_QUERY_INTERVAL = 0.5
-#: The largest number of node names; beyond it, the oldest names of ended publishers are dropped.
-_MOST_NAMES = 10_000
-#: The largest number of nodes in a text such as 'one of /a, /b'.
-_SHOWN = 5
 #: The largest number of messages that are kept for `received`, and of their bytes.
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 
@@ -81,56 +74,136 @@ class Received(NamedTuple):
     dropped: int  #: the number of older messages that were dropped, to limit the memory
 
 
-class _GidSource(SubscriptionSource):
-    """A source with the gid of the publisher as authority; it keeps the newest messages."""
+class _Kept:
+    """The newest messages, up to a number and a size (bytes)."""
 
-    def __init__(self, *args: Any, query: Callable[[], None], add_topic: Callable[[str, str], None]
-                 ) -> None:
-        super().__init__(*args)
-        self._query, self._add_topic = query, add_topic
-        #: By subscription. Empty if rcl cannot be called; then no gid is known.
-        self._takers = {each: Taker(each.handle, ReceivedMessage.of)
-                        for each in self._subscriptions if rcl_take()}
-        self._has_gids = all(taker.has_gids for taker in self._takers.values())
-        self._has_reception_times = bool(self._takers) and all(
-            taker.has_reception_times for taker in self._takers.values())
-        self._kept: deque[ReceivedMessage] = deque()
+    def __init__(self, most_messages: int, most_bytes: int) -> None:
+        self._most_messages, self._most_bytes = most_messages, most_bytes
+        self._messages: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
 
+    def add(self, messages: list[ReceivedMessage]) -> None:
+        self._messages += messages
+        self._size += sum(map(len, messages))
+        while len(self._messages) > self._most_messages or self._size > self._most_bytes:
+            self._size -= len(self._messages.popleft())
+            self._dropped += 1
+
+    def take(self) -> Received:
+        messages, dropped = self._messages, self._dropped
+        self._messages, self._size, self._dropped = deque(), 0, 0
+        return Received([*messages], dropped)
+
+
+class _Publishers:
+    """
+    The publishers on some topics in the ROS graph, also those that are gone.
+
+    :param type_name: the type of their messages; '': any.
+    :param most_names: with more names, the oldest ones of publishers that are gone are dropped.
+    """
+
+    def __init__(self, node: Node, topics: Collection[str], type_name: str = '',
+                 most_names: int = 10_000) -> None:
+        self._node, self._topics, self._type, self._most = node, topics, type_name, most_names
+        #: By gid: the name of the node, and the topic; also of publishers that are gone.
+        self.nodes: dict[str, tuple[str, str]] = {}
+        #: The gids of the publishers that exist.
+        self.present: frozenset[str] = frozenset()
+        #: By gid: the topic, if the gid may never be that of a publisher in the ROS graph.
+        self._unknown: dict[str, str] = {}
+        self._next_query = 0.0
+
+    def add_unknown(self, gid: str, topic: str) -> None:
+        """Keep the topic of a publisher, because its gid may never be in the ROS graph."""
+        self._unknown[gid] = topic
+        if len(self._unknown) > self._most:
+            del self._unknown[next(iter(self._unknown))]
+
+    def query_if_due(self) -> None:
+        """Query every half second, so that the names of nodes that end are known afterwards."""
+        if (now := monotonic()) >= self._next_query:
+            self._next_query = now + 0.5
+            self._query()
+
+    def _query(self) -> None:
+        present = set()
+        for topic in self._topics:
+            for info in self._node.get_publishers_info_by_topic(topic):
+                if self._type not in ('', info.topic_type):  # nothing is received from it
+                    continue
+                gid = gid_of(info)
+                present.add(gid)
+                if (name := node_of(info)) != UNKNOWN:
+                    self.nodes[gid] = name, topic
+        self.present = frozenset(present)
+        gone = [gid for gid in tuple(self.nodes) if gid not in present]
+        for gid in gone[:max(0, len(self.nodes) - self._most)]:
+            self.nodes.pop(gid, None)
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        requested = set(gids)
+        if not requested <= self.nodes.keys():
+            self._query()
+        return {gid: self._name_of(gid) for gid in requested}
+
+    def _name_of(self, gid: str) -> str:
+        if found := self.nodes.get(gid):
+            return found[0]
+        if self.present - self.nodes.keys():  # the node of a publisher is not discovered yet
+            return UNKNOWN
+        topic = self._unknown.get(gid)
+        # Also publishers that are gone: one of them may have sent the message.
+        names = sorted({name for name, each in tuple(self.nodes.values()) if each == topic})
+        return (f'one of {comma_list(names, 5)}' if len(names) > 1 else
+                names[0] if names else UNKNOWN)
+
+
+class _PlainTaker:
+    """Takes messages as a `Taker` does, but without gids, where rcl cannot be called."""
+
+    has_gids = has_reception_times = False
+
+    def __init__(self, handle: Any) -> None:
+        self._handle = handle
+
+    def take(self, max_messages: int) -> list[ReceivedMessage]:
+        with self._handle:
+            taken = iter(lambda: take_message(self._handle, None, True), None)
+            return [ReceivedMessage.of(data) for data, _ in islice(taken, max_messages)]
+
+
+def _taker(handle: Any) -> Union[Taker[ReceivedMessage], _PlainTaker]:
+    return Taker(handle, ReceivedMessage.of) if rcl_take() else _PlainTaker(handle)
+
+
+class _GidSource(SubscriptionSource):
+    """A source with the gid of the publisher as authority."""
+
+    def __init__(self, *args: Any, publishers: _Publishers, kept: _Kept) -> None:
+        super().__init__(*args)
+        self._publishers, self._kept = publishers, kept
+        self._takers = {each: _taker(each.handle) for each in self._subscriptions}
+
     def _take(self, subscription: TopicSubscription) -> list[ReceivedMessage]:
-        if taker := self._takers.get(subscription):
-            return taker.take(subscription.max_messages)
-        return [ReceivedMessage.of(data) for data, _ in subscription.take()]
+        return self._takers[subscription].take(subscription.max_messages)
 
     def _read(self, subscription: TopicSubscription, messages: list[Any]) -> list[BatchOrRows]:
-        self._keep(messages, subscription.is_static)
+        for message in messages:
+            message.is_static = subscription.is_static
+        self._kept.add(messages)
         batches: list[BatchOrRows] = []
         for gid, group in groupby(messages, attrgetter('publisher')):
-            if not self._has_gids:
-                self._add_topic(gid, subscription.name)
+            if gid and not self._takers[subscription].has_gids:
+                self._publishers.add_unknown(gid, subscription.name)
             batches += subscription.reader.read(group, gid, subscription.is_static)
         return batches
 
-    def _keep(self, messages: list[ReceivedMessage], is_static: bool) -> None:
-        for message in messages:
-            message.is_static = is_static
-        self._kept += messages
-        self._size += sum(map(len, messages))
-        while len(self._kept) > _MOST_MESSAGES or self._size > _MOST_BYTES:
-            self._size -= len(self._kept.popleft())
-            self._dropped += 1
-
     def next_pause(self) -> float:
-        self._query()
+        self._publishers.query_if_due()
         pause = super().next_pause()
         # A pause would count as delay of the messages.
-        return pause if self._has_reception_times else 0.0
-
-    def received(self) -> Received:
-        received = Received(list(self._kept), self._dropped)
-        self._kept.clear()
-        self._size = self._dropped = 0
-        return received
+        return pause if all(each.has_reception_times for each in self._takers.values()) else 0.0
 
 
 class PublisherListener(TransformListener):
@@ -148,12 +221,6 @@ class PublisherListener(TransformListener):
         :raises TypeError: if the listener would use subscriptions of the node; see
             `TransformListener`.
         """
-        #: By gid: the name of the node, and the topic; also of publishers that are gone.
-        self._nodes: dict[str, tuple[str, str]] = {}
-        #: By gid: the topic, if the gid may never be that of a publisher in the ROS graph.
-        self._topics: dict[str, str] = {}
-        self._next_query = 0.0
-        self._present: frozenset[str] = frozenset()
         super().__init__(*args, **kwargs)
         if self._uses_callbacks:
             self.unregister()
@@ -161,12 +228,15 @@ class PublisherListener(TransformListener):
                             f'callbacks or setters, got {self.buffer!r}')
 
     def _create_source(self, *args: Any) -> SubscriptionSource:
-        return _GidSource(*args, query=self._query_if_due, add_topic=self._add_topic)
+        self._kept = _Kept(_MOST_MESSAGES, _MOST_BYTES)
+        self._publishers = _Publishers(
+            self.node, {each.topic_name for each in self.subscriptions}, TF_MESSAGE)
+        return _GidSource(*args, publishers=self._publishers, kept=self._kept)
 
     @property
     def present(self) -> frozenset[str]:
         """The gids (in hex) of the publishers that exist; updated every half second."""
-        return self._present
+        return self._publishers.present
 
     def publishers(self) -> dict[str, tuple[str, str]]:
         """
@@ -175,8 +245,8 @@ class PublisherListener(TransformListener):
         :returns: by gid (in hex): the full name of the node, and the topic. The ROS graph is
             queried every half second.
         """
-        self._query_if_due()
-        return dict(self._nodes)
+        self._publishers.query_if_due()
+        return dict(self._publishers.nodes)
 
     def is_present(self, gid: str) -> Optional[bool]:
         """
@@ -185,7 +255,7 @@ class PublisherListener(TransformListener):
         :returns: True if it exists; False if it existed and has ended; None if the gid (in hex)
             was never that of a publisher in the ROS graph.
         """
-        return True if gid in self._present else False if gid in self._nodes else None
+        return gid in self.present or (False if gid in self._publishers.nodes else None)
 
     def received(self) -> Received:
         """
@@ -194,8 +264,7 @@ class PublisherListener(TransformListener):
         Between two calls, only the newest messages are kept: at most 10 000, and at most 16 MiB.
         """
         with self.buffer.updated():
-            received: Received = self._source.received()
-            return received
+            return self._kept.take()
 
     def frames(self) -> list[Frame]:
         """
@@ -217,10 +286,7 @@ class PublisherListener(TransformListener):
             does not report gids: to the name of the only node that has published on the topic, or
             to a text such as 'one of /a, /b'.
         """
-        requested = set(gids)
-        if not requested <= self._nodes.keys():
-            self._query()
-        return {gid: self._name_of(gid) for gid in requested}
+        return self._publishers.names_of(gids)
 
     def wrong_type_hint(self) -> str:
         """Return who publishes another type than TFMessage on the topics; '' if nobody does."""
@@ -246,49 +312,8 @@ class PublisherListener(TransformListener):
 
     def _surroundings(self) -> hints.Surroundings:
         return super()._surroundings()._replace(ended={
-            gid: node for gid, (node, _) in tuple(self._nodes.items())
-            if gid not in self._present})
-
-    def _name_of(self, gid: str) -> str:
-        if found := self._nodes.get(gid):
-            return found[0]
-        if self._present - self._nodes.keys():  # the node of a publisher is not discovered yet
-            return UNKNOWN
-        topic = self._topics.get(gid)
-        # Also publishers that are gone: one of them may have sent the message.
-        names = sorted({name for name, each in tuple(self._nodes.values()) if each == topic})
-        if len(names) > 1:
-            return f'one of {comma_list(names, _SHOWN)}'
-        return names[0] if names else UNKNOWN
-
-    def _add_topic(self, gid: str, topic: str) -> None:
-        """Keep the topic of a publisher, because its gid may never be in the ROS graph."""
-        self._topics[gid] = topic
-        if len(self._topics) > _MOST_NAMES:
-            del self._topics[next(iter(self._topics))]
-
-    def _query_if_due(self) -> None:
-        """Query the graph regularly, so that the names of nodes that end are known afterwards."""
-        if (now := monotonic()) >= self._next_query:
-            self._next_query = now + _QUERY_INTERVAL
-            self._query()
-
-    def _query(self) -> None:
-        """Query the ROS graph for the publishers and the names of their nodes."""
-        present = set()
-        for topic in {each.topic_name for each in self.subscriptions}:
-            for info in self.node.get_publishers_info_by_topic(topic):
-                if info.topic_type != TF_MESSAGE:  # this listener receives nothing from it
-                    continue
-                gid = gid_of(info)
-                present.add(gid)
-                if (name := node_of(info)) != UNKNOWN:
-                    self._nodes[gid] = name, topic
-        self._present = frozenset(present)
-        if (surplus := len(self._nodes) - _MOST_NAMES) > 0:
-            gone = [gid for gid in tuple(self._nodes) if gid not in present]
-            for gid in gone[:surplus]:
-                self._nodes.pop(gid, None)
+            gid: node for gid, (node, _) in tuple(self._publishers.nodes.items())
+            if gid not in self.present})
 
 
 class TopicReader:
@@ -301,42 +326,24 @@ class TopicReader:
     """
 
     def __init__(self, node: Node, message_type: Any, topic: str, qos: QoSProfile) -> None:
-        self._node, self.topic, self._type, self._depth = node, topic, message_type, qos.depth
+        self.topic, self._depth = topic, qos.depth
         self._subscription = subscribe(
             node, message_type, topic, lambda _: None, qos, node.default_callback_group)
-        self._taker = Taker(
-            self._subscription.handle, ReceivedMessage.of) if rcl_take() else None
+        self._taker = _taker(self._subscription.handle)
         #: False if it is not known which publisher has sent a message.
-        self.has_gids = self._taker is not None and self._taker.has_gids
-        self._nodes: dict[str, str] = {}
-        self._next_query = 0.0
+        self.has_gids = self._taker.has_gids
+        self._publishers = _Publishers(node, [topic])
 
     def take(self) -> list[ReceivedMessage]:
         """Take the messages in the queue."""
-        if self._taker:
-            messages = self._taker.take(self._depth)
-        else:
-            handle = self._subscription.handle
-            with handle:
-                messages = [ReceivedMessage.of(taken[0]) for taken in islice(iter(partial(
-                    take_message, handle, self._type, True), None), self._depth)]
-        if monotonic() >= self._next_query and any(
-                each.publisher not in self._nodes for each in messages):
-            self._next_query = monotonic() + _QUERY_INTERVAL
-            self._query()
+        messages = self._taker.take(self._depth)
+        if any(each.publisher not in self._publishers.nodes for each in messages):
+            self._publishers.query_if_due()
         return messages
 
     def names_of(self, gids: Iterable[str]) -> dict[str, str]:
         """Return by gid the full name of the publisher's node, or UNKNOWN."""
-        requested = set(gids)
-        if not requested <= self._nodes.keys():
-            self._query()
-        return {gid: self._nodes.get(gid, UNKNOWN) for gid in requested}
-
-    def _query(self) -> None:
-        for info in self._node.get_publishers_info_by_topic(self.topic):
-            if (name := node_of(info)) != UNKNOWN and len(self._nodes) < _MOST_NAMES:
-                self._nodes[gid_of(info)] = name
+        return self._publishers.names_of(gids)
 
     def close(self) -> None:
         self._subscription.destroy()

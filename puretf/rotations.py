@@ -72,8 +72,7 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     """
     i, parity, repetition, frame = _code_of(axes)
     q = _unit(quaternion)
-    if max(q, key=abs) < 0.0:
-        q = _divided(q, -1.0)
+    q = _divided(q, math.copysign(1.0, max(q, key=abs)))
     j = (i + 1 + parity) % 3
     x, y, z, w = q[i], -q[j] if parity else q[j], q[3 - i - j], q[3]
     a, b, c, d = (w, x, y, z) if repetition else (w - y, x + z, w + y, z - x)
@@ -85,9 +84,8 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
         half_difference = -half_sum
     middle = 2.0 * math.atan2(difference_norm, sum_norm) - (0.0 if repetition else math.pi / 2.0)
     first, last = _wrapped(half_sum - half_difference), _wrapped(half_sum + half_difference)
-    if parity:
-        middle = -middle
-    return (last, middle + 0.0, first) if frame else (first, middle + 0.0, last)
+    middle = (-middle if parity else middle) + 0.0
+    return (last, middle, first) if frame else (first, middle, last)
 
 
 def quaternion_about_axis(angle: float, axis: Iterable[float]) -> Quaternion:
@@ -244,19 +242,16 @@ def _wrapped(angle: float) -> float:
     return math.pi if rest == -math.pi else rest + 0.0
 
 
-def _all_codes() -> dict[Axes, Code]:
-    """Return the codes of all conventions, by their names and by themselves."""
-    codes: dict[Axes, Code] = {}
-    for i, parity, repetition, frame in product(range(3), range(2), range(2), range(2)):
-        j = (i + 1 + parity) % 3
-        order = [i, j, i if repetition else 3 - i - j]
-        name = ''.join('xyz'[axis] for axis in (reversed(order) if frame else order))
-        codes['sr'[frame] + name] = codes[i, parity, repetition, frame] = (
-            i, parity, repetition, frame)
-    return codes
+def _name_of(code: Code) -> str:
+    i, parity, repetition, frame = code
+    j = (i + 1 + parity) % 3
+    order = 'xyz'[i] + 'xyz'[j] + 'xyz'[i if repetition else 3 - i - j]
+    return f'r{order[::-1]}' if frame else f's{order}'
 
 
-_CODES = _all_codes()
+#: The codes of all conventions, by their names and by themselves.
+_CODES: dict[Axes, Code] = {key: code for code in product(range(3), range(2), range(2), range(2))
+                            for key in (code, _name_of(code))}
 
 
 def _code_of(axes: Axes) -> Code:

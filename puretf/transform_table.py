@@ -58,66 +58,52 @@ class TransformTable(NamedTuple):
     poses: NDArray[np.float64]
 
 
-class _Group:
-    """Messages of one publisher and layout, which become one table."""
-
-    def __init__(self, publisher: str, is_static: bool, layout: Layout) -> None:
-        self._publisher, self._is_static, self._layout = publisher, is_static, layout
-        self._times: list[int] = []
-        self._stamps: list[bytes] = []
-        self._poses: list[bytes] = []
-
-    def add(self, time: int, stamps: Iterable[bytes], poses: Iterable[bytes]) -> None:
-        self._times.append(time)
-        self._stamps += stamps
-        self._poses += poses
-
-    def table(self) -> TransformTable:
-        """Convert the messages."""
-        return TransformTable(
-            self._publisher, self._is_static, [*self._layout.edges],
-            np.array(self._times, np.int64),
-            *self._layout.arrays(b''.join(self._stamps), bytearray().join(self._poses)))
-
-
 class _Groups:
-    """The messages that are not converted yet."""
+    """
+    The messages that are not converted yet; those of a group become one table.
+
+    The key of a group: the publisher, whether the messages are from /tf_static, and their layout.
+    """
 
     def __init__(self) -> None:
         self._layouts: dict[Encoding, KnownLayouts] = {}
-        self._groups: dict[tuple[str, bool, Layout], _Group] = {}
+        #: The times, the stamps and the poses.
+        self._open: dict[tuple[str, bool, Layout], tuple[list[int], list[bytes], list[bytes]]] = {}
         self._size = 0
 
     def add(self, message: Message) -> list[TransformTable]:
         """Add a message, and return the tables that are complete now; raise MalformedMessage."""
-        if message.encoding not in self._layouts:
-            self._layouts[message.encoding] = KnownLayouts(message.encoding)
-        layouts = self._layouts[message.encoding]
-        data = message.data
-        parts = layouts.read(data)
+        data, encoding = message.data, message.encoding
+        layouts = (self._layouts.get(encoding)
+                   or self._layouts.setdefault(encoding, KnownLayouts(encoding)))
+        parts = layouts.read(data) or layouts.learn(data, message.rows())
         if parts is None:
-            rows = message.rows()
-            parts = layouts.learn(data, rows)
-            if parts is None:
-                return [*self.close(), *(_table_of(message, row) for row in rows)]
+            return [*self.close(), *(_table_of(message, row) for row in message.rows())]
         layout, stamps, poses = parts
         complete = self.close() if self._size > _MOST_BYTES else []
         key = message.publisher, message.is_static, layout
-        if key not in self._groups:
+        if key not in self._open:
             # Groups with a common child are closed, so that its transforms stay in order.
-            complete += [self._groups.pop(other).table() for other in [*self._groups]
+            complete += [self._table(other) for other in [*self._open]
                          if other[:2] == key[:2] and not other[2].names.isdisjoint(layout.names)]
-            self._groups[key] = _Group(*key)
-        self._groups[key].add(message.time, stamps, poses)
+            self._open[key] = [], [], []
+        group = self._open[key]
+        group[0].append(message.time)
+        group[1].extend(stamps)
+        group[2].extend(poses)
         self._size += len(data) + _OVERHEAD
         return complete
 
     def close(self) -> list[TransformTable]:
         """Convert all messages."""
-        tables = [group.table() for group in self._groups.values()]
-        self._groups.clear()
         self._size = 0
-        return tables
+        return [self._table(key) for key in [*self._open]]
+
+    def _table(self, key: tuple[str, bool, Layout]) -> TransformTable:
+        times, stamps, poses = self._open.pop(key)
+        return TransformTable(
+            *key[:2], [*key[2].edges], np.array(times, np.int64),
+            *key[2].arrays(b''.join(stamps), bytearray().join(poses)))
 
 
 def transform_tables(messages: Iterable[Message],
@@ -136,11 +122,9 @@ def transform_tables(messages: Iterable[Message],
     groups = _Groups()
     for message in messages:
         try:
-            complete = groups.add(message)
+            yield from groups.add(message)
         except ValueError as error:
             on_malformed(error)
-            continue
-        yield from complete
     yield from groups.close()
 
 

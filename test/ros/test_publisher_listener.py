@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 from types import SimpleNamespace
+from typing import Any
 
 from messages import golden_messages, ignore
 from processes import TIMEOUT
@@ -38,6 +39,7 @@ from puretf.publisher_listener import (
 )
 
 S = 10**9
+Publishers: Any = publisher_listener._Publishers
 
 
 def bytes_of(*transforms):
@@ -175,27 +177,38 @@ def test_without_gids_it_is_one_of_the_publishers_of_the_topic(ros, other, handl
     assert publisher_of(listener, 'a') == 'one of /other, /test'
 
 
-def test_the_list_of_possible_publishers_is_short(ros, handles, listener, monkeypatch):
+class Graph:
+    """A ROS graph in which nodes, each in a namespace of its own, publish on every topic."""
+
+    def __init__(self, *numbers):
+        """Create a graph with some publishers."""
+        self.numbers = numbers
+
+    def get_publishers_info_by_topic(self, topic):
+        """Return the publishers."""
+        return [SimpleNamespace(endpoint_gid=[number] * 16, node_name='node', topic_type='',
+                                node_namespace=f'/{number}') for number in self.numbers]
+
+
+def gid(number):
+    """Return the gid of a publisher in such a graph."""
+    return bytes([number] * 16).hex()
+
+
+def test_the_list_of_possible_publishers_is_short():
     """Five names and the number of the others."""
-    monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda topic: [
-        SimpleNamespace(endpoint_gid=[i] * 16, node_name=f'node_{i}', node_namespace='/',
-                        topic_type='tf2_msgs/msg/TFMessage')
-        for i in range(9) if topic == '/tf_static'])
-    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
-    eventually(listener.frames)
-    assert publisher_of(listener, 'a') == (
-        'one of /node_0, /node_1, /node_2, /node_3, /node_4 and 4 more')
+    publishers = Publishers(Graph(*range(9)), ['/tf'])
+    publishers.add_unknown('a', '/tf')
+    assert publishers.names_of(['a']) == {
+        'a': 'one of /0/node, /1/node, /2/node, /3/node, /4/node and 4 more'}
 
 
-def test_the_topics_that_are_kept_for_gids_are_bounded(
-        ros, other, handles, listener, monkeypatch):
+def test_the_topics_that_are_kept_for_gids_are_bounded():
     """Of publishers whose gids are not known, the oldest ones are forgotten."""
-    monkeypatch.setattr(publisher_listener, '_MOST_NAMES', 1)
-    for node, name in (ros.node, 'a'), (other, 'b'):
-        StaticTransformBroadcaster(node).sendTransform(stamped('map', name))
-        eventually(lambda: name in listener.buffer.frame_names())  # noqa: B023
-    eventually(lambda: publisher_of(listener, 'b') == 'one of /other, /test')
-    assert publisher_of(listener, 'a') == UNKNOWN
+    publishers = Publishers(Graph(1, 2), ['/tf'], most_names=1)
+    for name in 'ab':
+        publishers.add_unknown(name, '/tf')
+    assert publishers.names_of('ab') == {'a': UNKNOWN, 'b': 'one of /1/node, /2/node'}
 
 
 def test_no_pause_where_the_time_of_reception_is_that_of_the_take(ros, handles, monkeypatch):
@@ -393,44 +406,29 @@ def test_messages_from_before_the_end_are_received(listener, send):
     assert listener.received() == ([], 0)
 
 
-def test_the_number_and_size_of_kept_messages_are_bounded(listener, send, monkeypatch):
-    """`received` returns the newest messages, and the number of those that were dropped."""
-    size = len(bytes_of(stamped('map', 'moving')))
-    defaults = {name: getattr(publisher_listener, name)
-                for name in ('_MOST_MESSAGES', '_MOST_BYTES')}
-    assert [*defaults.values()] == [10_000, 16 * 2**20]
-    first = 1
-    for name, value, kept in (('_MOST_MESSAGES', 10, 10), ('_MOST_BYTES', 11 * size - 1, 10),
-                              ('_MOST_BYTES', 2 * size, 2), ('_MOST_BYTES', size - 1, 0)):
-        for each, default in defaults.items():
-            monkeypatch.setattr(publisher_listener, each, value if each == name else default)
+def test_the_number_and_size_of_kept_messages_are_bounded():
+    """The newest messages are kept, and the number of those that were dropped."""
+    messages = [ReceivedMessage(bytes([i] * 8)) for i in range(50)]
+    for most_messages, most_bytes, number_kept in (
+            (10, 1000, 10), (1000, 87, 10), (1000, 16, 2), (1000, 7, 0)):
+        kept = publisher_listener._Kept(most_messages, most_bytes)
         for number in 25, 50, 1:
-            sent = [send(stamp) for stamp in range(first, first + number)]
-            first += number
-            assert has_arrived(listener, first - 1)
-            dropped = max(0, number - kept)
-            assert listener.received() == (sent[dropped:], dropped)
-            assert listener.received() == ([], 0)
+            kept.add(messages[:number - 1])
+            kept.add(messages[number - 1:number])
+            dropped = max(0, number - number_kept)
+            assert kept.take() == (messages[dropped:number], dropped)
+            assert kept.take() == ([], 0)
 
 
-def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
+def test_the_names_that_are_kept_are_bounded():
     """The names of the existing publishers are kept, and those of the last that have ended."""
-    monkeypatch.setattr(publisher_listener, '_MOST_NAMES', 10)
-    gids = [bytes([i] * 16) for i in range(100)]
-
-    def name_at(i):
-        """Return the name of publisher i, by its gid, while only 0 and i exist."""
-        monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: [
-            SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}',
-                            topic_type='tf2_msgs/msg/TFMessage')
-            for gid in (gids[0], gids[i])])
-        return listener.names_of([gids[i].hex()])
-
+    graph = Graph()
+    publishers = Publishers(graph, ['/tf'], most_names=10)
     for i in range(1, 100):
-        assert name_at(i) == {gids[i].hex(): f'/{i}/node'}
-    names = listener.names_of(gid.hex() for gid in gids)
-    assert [i for i, gid in enumerate(gids) if names[gid.hex()] != UNKNOWN] == [
-        0, *range(91, 100)]
+        graph.numbers = 0, i
+        assert publishers.names_of([gid(i)]) == {gid(i): f'/{i}/node'}
+    names = publishers.names_of(map(gid, range(100)))
+    assert [i for i in range(100) if names[gid(i)] != UNKNOWN] == [0, *range(91, 100)]
 
 
 @pytest.mark.parametrize(('namespace', 'name', 'expected'), [
