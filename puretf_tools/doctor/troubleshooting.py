@@ -5,7 +5,7 @@ from pathlib import Path
 import re
 
 from puretf.formatting import SECTION_NAMES
-from puretf_tools.doctor.checks import CHECKS, SECTIONS
+from puretf_tools.doctor.checks import CHECKS
 from puretf_tools.inspection.terminal import wrapped
 
 _HERE = Path(__file__).resolve()
@@ -18,8 +18,7 @@ def find(words: str) -> list[str]:
     if headings := [heading for heading, name in SECTION_NAMES.items() if name == words]:
         return headings
     if words in CHECKS:
-        return [heading for heading, codes in SECTIONS.items() if words in codes] or [
-            'Other faults']
+        return [CHECKS[words].section]
     return [heading for heading in SECTION_NAMES
             if all(word in heading.lower() for word in words.lower().split())]
 
