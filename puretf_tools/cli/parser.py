@@ -38,12 +38,11 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print an error and the usage in one line on stderr, and exit with code 2."""
-        for argument in message.removeprefix('unrecognized arguments: ').split():
-            name = argument.split('=')[0]
-            near = [*(option for option in self._option_string_actions if option.startswith(name)),
-                    *near_names(name, self._option_string_actions, 0.75)]
-            if near and name.startswith('--') and message.startswith('unrecognized'):
-                message = f'{message} (did you mean {near[0]}?)'
+        if message.startswith(unknown := 'unrecognized arguments: '):
+            for argument in message.removeprefix(unknown).split():
+                near = near_names(argument.partition('=')[0], self._option_string_actions)
+                if near and argument.startswith('--'):
+                    message = f'{message} (did you mean {near[0]}?)'
         usage = ' '.join(self.format_usage().split())
         self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
 
