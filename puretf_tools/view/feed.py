@@ -9,8 +9,8 @@ from puretf.formatting import SECOND
 from puretf_tools.inspection.forest import frequency
 from puretf_tools.inspection.traffic import Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.robot.joint_senders import JointCommanders, JointControls
 from puretf_tools.view.hand_publisher import HandPublisher
-from puretf_tools.view.joint_control import JointCommanders, JointControls
 
 if TYPE_CHECKING:
     from rclpy.node import Node

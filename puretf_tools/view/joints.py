@@ -10,8 +10,8 @@ import viser
 from puretf.formatting import abbreviated, visible
 from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
+from puretf_tools.robot.joint_senders import JointControl, JointControls
 from puretf_tools.view.details import html
-from puretf_tools.view.joint_control import JointControl, JointControls
 
 #: The number of sliders that are shown at a time, and the time between two updates (s).
 _SLIDERS, _PERIOD = 50, 0.1

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from puretf import TransformBuffer
+from puretf_tools.robot.joint_senders import JointControls
 from puretf_tools.view import feed as feed_module
 from puretf_tools.view.feed import BagFeed, Player, Publication
 from puretf_tools.view.hand_publisher import HandPublisher
-from puretf_tools.view.joint_control import JointControls
 from puretf_tools.view.placement import FrameWatcher
 from puretf_tools.view.rods import Display, fading, rods
 
