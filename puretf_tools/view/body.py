@@ -104,8 +104,8 @@ class Body:
         self._set_opacity(body.opacity)
         self._left = self.at_a_time
         rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
-        poses = {name: row for name, row, age in zip(
-            placement.names, rows, placement.ages.tolist()) if age < display.timeout}
+        shown = display.shown(placement)
+        poses = {name: row for name, row in zip(placement.names, rows) if name in shown}
         for robot in self._robots.values():
             if robot.names != placement.names:
                 robot.names = placement.names
@@ -116,7 +116,7 @@ class Body:
             for part in robot.parts:
                 frame = robot.prefix + part.link
                 is_on = body.with_collisions if part.is_collision else body.with_visuals
-                if is_on and frame in poses and frame not in display.hidden:
+                if is_on and frame in poses:
                     has_changed |= self._draw(robot, part, poses[frame])
                 elif part.node is not None and part.node.visible:
                     part.node.visible = False

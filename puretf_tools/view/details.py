@@ -12,11 +12,9 @@ from puretf.formatting import comma_list, exact_time, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.feed import Feed
+from puretf_tools.view.freshness import SILENT, TIMEOUT
 from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
-from puretf_tools.view.rods import TIMEOUT
 
-#: If a frame has had no new stamp for more than this time (s), its rate is not shown.
-_SILENT = 1.0
 #: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5
 #: Of the texts in the panel.
@@ -98,7 +96,7 @@ def _published(frame: Frame, silence: float, feed: Feed) -> str:
     if frame.is_static:
         rows += _row('rate', 'rate', 'static')
     else:
-        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > _SILENT else
+        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > SILENT else
                      'not known' if publication.rate is None else f'{publication.rate:.1f} Hz')
         rows += _row('delay', 'delay', 'not known' if publication.delay is None else
                      f'{publication.delay * 1e3:.2f} ms')

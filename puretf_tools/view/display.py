@@ -6,7 +6,8 @@ from typing import Any, Optional
 import viser
 
 from puretf_tools.view.controls import within
-from puretf_tools.view.rods import Display, TIMEOUT
+from puretf_tools.view.freshness import TIMEOUT
+from puretf_tools.view.rods import Display
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
 VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),

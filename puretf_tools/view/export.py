@@ -73,7 +73,7 @@ class Recording:
             scene.body.at_a_time = sys.maxsize  # nobody waits
             # Only the first position of the camera counts, and at the end most frames are known.
             placement = self._moments[-1].placement
-            look_at(placement, placement.names, [server.initial_camera])
+            look_at(placement, Display().shown(placement), [server.initial_camera])
             serializer, before = server.get_scene_serializer(), self._moments[0].time
             for time, placement, trail in self._moments:
                 on_progress(time - self._moments[0].time)

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, Optional
 import viser
 
 from puretf.formatting import visible_name
-from puretf_tools.inspection.forest import Forest, frequency, self_and_ancestors
+from puretf_tools.inspection.forest import descend, Forest, frequency, self_and_ancestors
 from puretf_tools.view.details import html
-from puretf_tools.view.placement import descend, Placement
+from puretf_tools.view.placement import Placement
 
 #: The number of rows that are shown at a time, and the time between two updates (s).
 _ROWS, _PERIOD = 50, 0.5
