@@ -1,10 +1,12 @@
 """The command `tf2_monitor`: print the rates and delays of received transforms repeatedly."""
 
+from collections import deque
 from collections.abc import Iterator, Sequence
+from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
 from puretf import TransformException
-from puretf.formatting import SECOND, shortened, visible
+from puretf.formatting import in_seconds, SECOND, shortened, visible
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
 from puretf_tools.inspection.terminal import (
@@ -16,7 +18,7 @@ from puretf_tools.inspection.terminal import (
     width,
     wrapped,
 )
-from puretf_tools.inspection.traffic import Delays, NodeTraffic, summarize, Traffic, WINDOW
+from puretf_tools.inspection.traffic import NodeTraffic, Traffic, WINDOW
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -31,7 +33,8 @@ class Chain:
     def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
         self._frame_listener, self.ends = frame_listener, ends
         self._say = Once(is_terminal())
-        self._ages = Delays()
+        #: The last times and delays (ns).
+        self._delays: deque[tuple[int, int]] = deque(maxlen=WINDOW * _SAMPLES)
         self._latest = 0  #: the time of the last call of `sample` (ns)
         self._common = 0  #: the newest time (ns) with data of the whole path; 0: it is static
         #: After a jump back in time, until the buffer is cleared: `_common` before it.
@@ -42,7 +45,7 @@ class Chain:
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
         if now < before - SECOND:
-            self._ages.clear()
+            self._delays.clear()
             self._stale = self._common
         try:
             buffer = self._frame_listener.buffer
@@ -53,7 +56,7 @@ class Chain:
             return
         self._stale = 0
         if self._common and now:  # now is 0 while no message has arrived on /clock
-            self._ages.add(now, now - self._common)
+            self._delays.append((now, now - self._common))
 
     def frames(self) -> list[str]:
         """Return the frames from the first to the last; none if there is no path."""
@@ -68,11 +71,12 @@ class Chain:
         if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
             return wrapped(f'Waiting for transform {shortened(first)} ->  {shortened(last)}: '
                            f'{visible(why)}')
-        age = summarize([self._ages], self._frame_listener.now())
+        begin = self._frame_listener.now() - WINDOW * SECOND
+        delays = [in_seconds(delay) for time, delay in self._delays if time >= begin]
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
                 'Net delay     none: all transforms are static, or the time is not known'
-                if age is None else
-                f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
+                if not delays else
+                f'Net delay     avg = {fmean(delays):.6f} s: max = {max(delays):.6f} s']
 
 
 def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:

@@ -21,7 +21,7 @@ from puretf_tools.cli.parser import (
 )
 from puretf_tools.cli.progress import DISCOVERY, wait
 from puretf_tools.cli.signals import check_signals, sleep
-from puretf_tools.inspection.forest import Forest, frequency
+from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
 from puretf_tools.inspection.terminal import (
     column_width,
@@ -33,6 +33,7 @@ from puretf_tools.inspection.terminal import (
     width,
     wrapped,
 )
+from puretf_tools.inspection.traffic import rate_of
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -52,7 +53,7 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
     for branches, name, frame in islice(forest.lines(), max_lines):
         rate = age = ''
         if frame is not None and not frame.is_static:
-            hertz = frequency(frame)
+            hertz = rate_of(frame)
             rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
             age = _age(now, frame.latest)
         rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,

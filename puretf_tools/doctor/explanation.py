@@ -6,8 +6,9 @@ from typing import NamedTuple, TYPE_CHECKING
 
 from puretf import Frame
 from puretf.formatting import exact_time, in_seconds, shortened, visible
-from puretf_tools.inspection.forest import frequency, self_and_ancestors
+from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import column_width, padded, width, wrapped
+from puretf_tools.inspection.traffic import rate_of
 
 if TYPE_CHECKING:
     from puretf import BufferCore, TransformBuffer
@@ -29,7 +30,7 @@ class Explanation(NamedTuple):
         first, second = map(shortened, self.ends)
         rows = [[f'{shortened(frame.parent)} -> {shortened(frame.name)}',
                  'static' if frame.is_static else
-                 '?' if (rate := frequency(frame)) is None else f'{rate:.1f} Hz',
+                 '?' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz',
                  '' if frame.is_static else
                  f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
                  shortened(frame.authority)] for frame in self.path]

@@ -99,12 +99,6 @@ class Forest:
         return lines[::-1]
 
 
-def frequency(frame: Frame) -> Optional[float]:
-    """Return the average rate (Hz); None if all samples have the same stamp."""
-    span = frame.latest - frame.oldest
-    return (frame.length - 1) * 1e9 / span if span > 0 else None
-
-
 def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
     """Yield a frame, its parent, and so on, up to the root or until a loop is complete."""
     seen = set()

@@ -16,7 +16,8 @@ from puretf.formatting import (
     in_seconds,
     visible_name,
 )
-from puretf_tools.inspection.forest import Forest, frequency
+from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.traffic import rate_of
 
 #: The interval of `tick` (s).
 _STEP = 0.05
@@ -67,8 +68,8 @@ def _edge_label(frame: Frame) -> str:
     if frame.is_static:
         lines += ['static']
     else:
-        rate = frequency(frame)
-        lines += [f'Average rate: {"unknown" if rate is None else f"{rate:.3f} Hz"}',
+        hertz = rate_of(frame)
+        lines += [f'Average rate: {"unknown" if hertz is None else f"{hertz:.3f} Hz"}',
                   f'Buffer length: {in_seconds(frame.latest - frame.oldest):.3f} s',
                   f'Most recent transform: {exact_time(frame.latest)}',
                   f'Oldest transform: {exact_time(frame.oldest)}']

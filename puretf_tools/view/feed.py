@@ -6,8 +6,7 @@ from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 
 from puretf import Frame, TransformBuffer
 from puretf.formatting import SECOND
-from puretf_tools.inspection.forest import frequency
-from puretf_tools.inspection.traffic import Traffic
+from puretf_tools.inspection.traffic import rate_of, Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
 from puretf_tools.view.hand_publisher import HandPublisher
@@ -22,8 +21,6 @@ AnyBuffer = Union[TransformBuffer, 'Buffer']
 _FAR = 24 * 3600 * SECOND
 #: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
-#: The largest number of frames whose rate is measured at the same time.
-_MEASURED = 10
 
 
 class Player:
@@ -131,7 +128,7 @@ class BagFeed:
         return self.robots
 
     def publication(self, frame: Frame) -> Publication:
-        return Publication(frequency(frame), None, frame.authority)
+        return Publication(rate_of(frame), None, frame.authority)
 
     def topics_hint(self) -> str:
         return ''  # when the bag is opened, the command checks its topics
@@ -150,9 +147,8 @@ class LiveFeed:
         from puretf_tools.robot.description_listener import DescriptionListener
         self.player: Optional[Player] = None
         self.findings: list[tuple[str, int]] = []
-        #: By name: the traffic of the frames that viewers look at, the last one asked for last.
-        self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
+        self._traffic = Traffic(self._frame_listener.now)
         #: Returns the descriptions.
         self.descriptions: Callable[[], Mapping[str, DescriptionOrWhy]] = (
             (lambda: descriptions) if descriptions is not None else DescriptionListener(
@@ -163,19 +159,12 @@ class LiveFeed:
         self.joint_controls: Optional[JointControls] = joint_controls or JointCommanders(node)
 
     def publication(self, frame: Frame) -> Publication:
-        """Return how a frame is published; the first call for a frame starts a measurement."""
+        """Return how a frame is published."""
         listener = self._frame_listener.publisher_listener
-        messages, _ = listener.received()
-        for each in self._traffic.values():
-            each.observe(messages)
-        traffic = self._traffic.pop(frame.name, None) or Traffic(
-            self._frame_listener.now, frame.name)
-        self._traffic[frame.name] = traffic
-        if len(self._traffic) > _MEASURED:
-            del self._traffic[next(iter(self._traffic))]
+        self._traffic.observe(listener.received().messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
-        nodes = [each for each in traffic.by_node(listener)
-                 if each.frame == frame.name and each.is_present is not False]
+        nodes = [each for each in self._traffic.by_node(listener, frame.name)
+                 if each.is_present is not False]
         summary = next((each.summary for each in nodes if each.node == publisher), None)
         if len(several := [each.node for each in nodes if each.is_present]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'

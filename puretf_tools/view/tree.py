@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, Optional
 import viser
 
 from puretf.formatting import visible_name
-from puretf_tools.inspection.forest import descend, Forest, frequency, self_and_ancestors
+from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
+from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.details import html
 from puretf_tools.view.placement import Placement
 
@@ -181,7 +182,7 @@ class Tree:
         for line in lines:
             frame = line.frame
             rate = '' if frame is None else 'static' if frame.is_static else (
-                '-' if (hertz := frequency(frame)) is None else f'{hertz:.1f} Hz')
+                '-' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz')
             silence = placement.silences.get(line.name, 0.0)
             colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
                       or frame.is_static else next(
