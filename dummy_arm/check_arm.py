@@ -144,7 +144,7 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
                 wait(seconds, 'observing the arm', lambda: observer.poll() and False)
             elif not observer.messages:
                 raise CommandError(f'no transform was received within {START:g} s. '
-                                   f'{observer.listener.why_no_frames()}')
+                                   f'{observer.listener.why_nothing()}')
             if hint := observer.listener.wrong_type_hint():
                 print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
             return observer.report()

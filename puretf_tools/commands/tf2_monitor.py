@@ -62,7 +62,7 @@ class Chain:
         """Return the frames from the first to the last; none if there is no path."""
         first, last = self.ends
         try:
-            return self._frame_listener.buffer.chain(last, first)
+            return list(self._frame_listener.buffer.chain(last, first))
         except TransformException:
             return []
 
@@ -133,7 +133,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
         while True:
             dropped = 0
             for _ in range(_SAMPLES):
-                messages, newly_dropped = frame_listener.publisher_listener.received()
+                messages, newly_dropped = frame_listener.received()
                 traffic.observe(messages)
                 dropped += newly_dropped
                 if chain is not None:
@@ -144,7 +144,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
 
 def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
              dropped: int, say: Once) -> list[str]:
-    rows = traffic.by_node(frame_listener.publisher_listener)
+    rows = traffic.by_node(frame_listener)
     if not rows:
         return wrapped(frame_listener.nothing_received(say))
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))

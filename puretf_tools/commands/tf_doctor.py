@@ -220,8 +220,7 @@ class _Listening:
         """Subscribe; keep transforms in the buffer for some time (s)."""
         from puretf_tools.inspection.frame_listener import FrameListener
         self.node = node
-        self.frame_listener = FrameListener(node, kept)
-        self.listener = self.frame_listener.publisher_listener
+        self.listener = FrameListener(node, kept)
         self.statistics = Statistics(SETTLING)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
@@ -230,7 +229,7 @@ class _Listening:
 
     def poll(self) -> None:
         """Count what has arrived."""
-        self.end = self.frame_listener.now()
+        self.end = self.listener.now()
         # Without simulated time, both are one clock; a pause between two looks at it would count.
         self.offset = (0 if not self.node.get_parameter('use_sim_time').value else
                        self.end - time.time_ns() if self.end else None)
@@ -244,14 +243,14 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
     from puretf_tools.cli.node import spinning_node
     with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
         listening = _Listening(node)
-        samplers = _Samplers(node, *listening.frame_listener.topics)
+        samplers = _Samplers(node, *listening.listener.topics)
         stack.callback(samplers.close)
 
         def poll() -> None:
             listening.poll()
             samplers.poll()
 
-        elapsed = listen(duration, listening.frame_listener.buffer.frame_names, poll)
+        elapsed = listen(duration, listening.listener.buffer.frame_names, poll)
         return _observation(listening, samplers, f'in {elapsed:.1f} s')
 
 
@@ -284,9 +283,8 @@ class _Samplers:
 
 def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Observation:
     """Add what the ROS graph knows to what was received."""
-    node, frame_listener = listening.node, listening.frame_listener
     statistics, listener = listening.statistics, listening.listener
-    static, dynamic = frame_listener.topics
+    node, (static, dynamic) = listening.node, listener.topics
     sampler, robots, clock = samplers.headers, samplers.robots, samplers.clock
     joint_senders = robots.senders()
     left_out = [f'headers on {topic}: {why}' for topic, why in sorted(sampler.not_read.items())]
@@ -306,8 +304,8 @@ def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Obse
                    if TF_MESSAGE in types and node.count_publishers(topic)],
         not_known=_not_known(listening), left_out=left_out,
         why_no_transforms=(
-            '' if statistics.count else frame_listener.why_no_frames().partition(' More: ')[0]),
-        other_namespaces=frame_listener.other_topics_hint(), end=listening.end,
+            '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
+        other_namespaces=listener.other_topics_hint(), end=listening.end,
         clock_offset=listening.offset, clock_hint=_clock_hint(node))
 
 
@@ -379,15 +377,15 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
     from puretf_tools.cli.node import spinning_node
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         listening = _Listening(node, max(10.0, duration) + _MARGIN)
-        frame_listener, statistics = listening.frame_listener, listening.statistics
-        buffer = frame_listener.buffer
+        listener, statistics = listening.listener, listening.statistics
+        buffer = listener.buffer
         listen(duration, buffer.frame_names, listening.poll)
-        nodes = listening.listener.names_of(statistics.publishers())
+        nodes = listener.names_of(statistics.publishers())
         explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
         if not buffer.frame_names():
             return explanation._replace(
-                why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
-        now = frame_listener.now()
+                why_not=f'No transform has been received. {listener.why_nothing()}')
+        now = listener.now()
     if not explanation.stamp or stamp:
         return explanation
     return explanation._replace(age=_age(now, explanation.stamp))

@@ -251,14 +251,15 @@ def _record(target: str, source: str, seconds: float, namespace: str, ros_args: 
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('tf_trajectory', ros_args, namespace) as node:
         frame_listener = FrameListener(node, seconds + _MARGIN)
-        listen(seconds, frame_listener.buffer.frame_names)
+        buffer: BufferCore = frame_listener.buffer
+        listen(seconds, buffer.frame_names)
         try:
-            frame_listener.buffer.path_stamps(target, source)
+            buffer.path_stamps(target, source)
         except TransformException as error:
             why = frame_listener.why_no_transform(target, source)
             raise CommandError(why or str(error)) from None
     forget_signals()  # the first Ctrl-C has ended the recording; another one ends the command
-    return frame_listener.buffer
+    return buffer
 
 
 def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]

@@ -117,7 +117,7 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
         discovery = max(DISCOVERY, seconds)
         if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
             raise CommandError(f'no transform was received within {discovery:g} s. '
-                               f'{frame_listener.why_no_frames()}')
+                               f'{frame_listener.why_nothing()}')
         wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
         now, frames = frame_listener.now(), frame_listener.frames()
         if hint := frame_listener.topics_hint():

@@ -160,7 +160,7 @@ class LiveFeed:
 
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published."""
-        listener = self._frame_listener.publisher_listener
+        listener = self._frame_listener
         self._traffic.observe(listener.received().messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
         nodes = [each for each in self._traffic.by_node(listener, frame.name)
@@ -176,4 +176,4 @@ class LiveFeed:
         return self._frame_listener.topics_hint()
 
     def why_no_frames(self) -> str:
-        return self._frame_listener.why_no_frames()
+        return self._frame_listener.why_nothing()

@@ -71,7 +71,7 @@ class HandPublisher:
                     'a loop')
         if name not in frames:
             return ''
-        listener, gid = self._frame_listener.publisher_listener, frames[name].authority
+        listener, gid = self._frame_listener, frames[name].authority
         publisher = listener.names_of([gid])[gid]
         # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
         is_own = name in self._published and (
