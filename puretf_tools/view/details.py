@@ -62,8 +62,8 @@ def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
 def details(placement: Placement, name: str, feed: Feed) -> str:
     """Return in HTML a table of one frame, or a sentence if it is not available."""
     if name not in placement.names:
-        text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
-        return f'<div style="{STYLE}" data-text="details">{text}</div>'
+        return html(f'{name} is not available.' if name else 'Click a frame, or choose one.',
+                    'details')
     i = placement.names.index(name)
     frame = placement.frames.get(name)
     target, _ = placement.anchor_of(name)
@@ -131,8 +131,8 @@ def _numbers(values: Iterable[float], precision: int) -> str:
 
 
 def html(text: str, key: str) -> str:
-    """Return a text as an element of the panel."""
-    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>'
+    """Return a text as an element of the panel; '' if it is empty."""
+    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>' if text else ''
 
 
 def _text(text: str) -> str:

@@ -11,7 +11,7 @@ from puretf import is_too_long
 from puretf.formatting import suggest_names, visible, visible_name
 from puretf.rotations import euler_from_quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
-from puretf_tools.view.controls import FrameChoice
+from puretf_tools.view.controls import change, FrameChoice
 from puretf_tools.view.copied import command_line, copied, decimal
 from puretf_tools.view.details import html
 from puretf_tools.view.hand_publisher import HandPublisher, StaticTransform
@@ -126,14 +126,13 @@ class HandFrame:
             self._update_publication(transform, problem, self._publisher)
         *refused, why = self._refusal
         shown = (refused == [name, parent] and why) or (problem if name else '')
-        texts = [html(shown, 'hand')] * bool(shown)
+        texts = [html(shown, 'hand')]
         if not problem:
             numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
                           (*position, *map(radians, angles)))
             texts += [copied(command_line(parent, name, numbers), 'command'),
                       copied(yaml_text(transform), 'yaml')]
-        if self._text.content != (content := ''.join(texts)):
-            self._text.content = content
+        change(self._text, content=''.join(texts))
 
     def _update_publication(self, transform: StaticTransform, problem: str,
                             publisher: HandPublisher) -> None:
@@ -146,8 +145,7 @@ class HandFrame:
             self._refusal = transform.name, transform.parent, why
         if not self._is_on:
             self.stop()
-        if self._checkbox.value != self._is_on:
-            self._checkbox.value = self._is_on
+        change(self._checkbox, value=self._is_on)
 
     def stop(self) -> None:
         """Stop publishing the frame."""

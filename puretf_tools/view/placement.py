@@ -75,9 +75,19 @@ class FrameWatcher:
             known = {frame.name: frame for frame in self._buffer.frames(until)}
             silences = self._freshness.silences(known, until)
             kept = known if until else without_gone(known, silences)
-            shown = _select(kept, fixed)
+            forest = Forest(kept.values())
+            # Frames in and below loops have no root.
+            root_of = descend(kept, {root: root for root in forest.roots}, lambda _, root: root)
+            if fixed not in root_of:
+                fixed = _default_fixed(root_of)
+            shown = _first(kept, root_of, fixed)
+            root = root_of.get(fixed, '')
+            anchors = [fixed] * bool(fixed) + [
+                each for each in forest.roots if each in shown and each != root]
+            trees = {anchor: -SPACING * i for i, anchor in enumerate(anchors)}
+            frames = {name: frame for name, frame in kept.items() if name in shown}
             found = [(y, name, pose) for y, tree in zip(
-                shown.trees.values(), self._buffer.lookup_all(shown.trees, until, shown.frames))
+                trees.values(), self._buffer.lookup_all(trees, until, frames))
                 for name, pose in tree.items()]
         placed = [each for each in found if all(map(isfinite, each[2].translation))]
         names = [name for _, name, _ in placed]
@@ -88,20 +98,19 @@ class FrameWatcher:
         places[:, 1] += [y for y, _, _ in placed]
         points = within_reach(places)
         is_far = (points != places).any(axis=1)
-        silences = {name: silences[name] for name in shown.frames}
-        age_of = ages(shown.frames, shown.trees, silences)
+        silences = {name: silences[name] for name in frames}
+        age_of = ages(frames, trees, silences)
         return Placement(
-            fixed=shown.fixed, names=names,
-            parents=[index.get(shown.frames[name].parent, -1) if name in shown.frames else -1
+            fixed=fixed, names=names,
+            parents=[index.get(frames[name].parent, -1) if name in frames else -1
                      for name in names],
             poses=poses, points=points, stamps=[pose.stamp for _, _, pose in placed],
             ages=np.array([age_of[name] for name in names]), silences=silences,
-            frames=shown.frames, trees=shown.trees,
-            deepest=_deepest(shown.frames, shown.root, index), loops=shown.loops,
+            frames=frames, trees=trees, deepest=_deepest(frames, root, index), loops=forest.loops,
             far=[name for name, far in zip(names, is_far) if far],
             not_finite=[name for _, name, _ in found if name not in index],
             gone=_count(known) - _count(kept),
-            left_out=shown.left_out)
+            left_out=[name for name in root_of if name not in shown])
 
     def watch(self) -> None:
         """Remember when the frames were updated, as `placement` does for the latest time."""
@@ -110,37 +119,6 @@ class FrameWatcher:
 def _count(frames: dict[str, Frame]) -> int:
     """Return the number of frames, and of their parents that have no parent."""
     return len({*frames, *(frame.parent for frame in frames.values())})
-
-
-class _Selection(NamedTuple):
-    """The frames that are shown; the other fields are as in `Placement`."""
-
-    fixed: str
-    root: str  #: of the tree with the fixed frame
-    frames: dict[str, Frame]
-    trees: dict[str, float]
-    loops: list[list[str]]
-    left_out: list[str]
-
-
-def _select(frames: dict[str, Frame], fixed: str) -> _Selection:
-    forest = Forest(frames.values())
-    root_of = _roots(forest.frames, forest.roots)
-    if fixed not in root_of:
-        fixed = _default_fixed(root_of)
-    shown = _first(forest.frames, root_of, fixed)
-    root = root_of.get(fixed, '')
-    anchors = [fixed] * bool(fixed) + [
-        each for each in forest.roots if each in shown and each != root]
-    return _Selection(
-        fixed, root, {name: frame for name, frame in forest.frames.items() if name in shown},
-        {anchor: -SPACING * i for i, anchor in enumerate(anchors)}, forest.loops,
-        [name for name in root_of if name not in shown])
-
-
-def _roots(frames: dict[str, Frame], roots: Iterable[str]) -> dict[str, str]:
-    """Return the root of each frame that is in a tree; frames in and below loops are in none."""
-    return descend(frames, {root: root for root in roots}, lambda _, root: root)
 
 
 def _default_fixed(root_of: dict[str, str]) -> str:

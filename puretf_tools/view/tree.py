@@ -11,6 +11,7 @@ import viser
 from puretf.formatting import visible_name
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
+from puretf_tools.view.controls import change
 from puretf_tools.view.details import html
 from puretf_tools.view.placement import Placement
 
@@ -133,8 +134,7 @@ class Tree:
             return
         self._next = now + _PERIOD
         for box, names in (self._show, self._hidden), (self._show_branch, self._hidden_branches):
-            if box.value != (selected not in names):
-                box.value = selected not in names
+            change(box, value=selected not in names)
         rows = [*self._tree(placement, selected, hidden)]
         pages = max(1, -(-len(rows) // _ROWS))
         for i, row in enumerate(rows):
@@ -158,13 +158,10 @@ class Tree:
                 button.on_click(self._on_click)
                 self._buttons.append(button)
         for button, row in zip(self._buttons, self._rows):
-            for attribute, value in (('label', row.text), ('color', row.colour),
-                                     ('hint', visible_name(row.name)), ('visible', True)):
-                if getattr(button, attribute) != value:
-                    setattr(button, attribute, value)
+            change(button, label=row.text, color=row.colour, hint=visible_name(row.name),
+                   visible=True)
         for button in self._buttons[len(self._rows):]:
-            if button.visible:
-                button.visible = False
+            change(button, visible=False)
 
     def _why_hidden(self, placement: Placement, name: str) -> str:
         """Return why a frame is hidden although its own checkboxes are ticked, or ''."""
