@@ -239,74 +239,49 @@ class _Listening:
 
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
-    """Listen to transforms, and to the headers on other topics."""
+    """Listen to transforms and to what is beside them; add what the ROS graph knows."""
+    from puretf.publisher_listener import node_of, TransformSampler
     from puretf_tools.cli.node import spinning_node
+    from puretf_tools.inspection.clock_sampler import ClockSampler
+    from puretf_tools.inspection.header_sampler import HeaderSampler
     with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
         listening = _Listening(node)
-        samplers = _Samplers(node, *listening.listener.topics)
-        stack.callback(samplers.close)
+        listener, statistics = listening.listener, listening.statistics
+        static, dynamic = listener.topics
+        headers, robots = HeaderSampler(node), RobotListener(node, dynamic)
+        transforms = TransformSampler(node, (static, dynamic))
+        clock = ClockSampler(node, lambda: {
+            *map(node_of, node.get_publishers_info_by_topic(dynamic)),
+            *robots.subscribers(dynamic), *chain.from_iterable(headers.senders().values())})
+        for sampler in clock, robots, transforms:
+            stack.callback(sampler.close)
 
         def poll() -> None:
-            listening.poll()
-            samplers.poll()
+            for each in listening, clock, headers, robots, transforms:
+                each.poll()
 
-        elapsed = listen(duration, listening.listener.buffer.frame_names, poll)
-        return _observation(listening, samplers, f'in {elapsed:.1f} s')
-
-
-class _Samplers:
-    """What is read beside the transforms."""
-
-    def __init__(self, node: 'Node', static: str, dynamic: str) -> None:
-        from puretf.publisher_listener import TransformSampler
-        from puretf_tools.inspection.clock_sampler import ClockSampler
-        from puretf_tools.inspection.header_sampler import HeaderSampler
-        self._node, self._dynamic = node, dynamic
-        self.clock = ClockSampler(node, self._nodes_with_stamps)
-        self.headers, self.robots = HeaderSampler(node), RobotListener(node, dynamic)
-        self.transforms = TransformSampler(node, (static, dynamic))
-
-    def _nodes_with_stamps(self) -> set[str]:
-        from puretf.publisher_listener import node_of
-        return {*map(node_of, self._node.get_publishers_info_by_topic(self._dynamic)),
-                *self.robots.subscribers(self._dynamic),
-                *chain.from_iterable(self.headers.senders().values())}
-
-    def poll(self) -> None:
-        for sampler in self.clock, self.headers, self.robots, self.transforms:
-            sampler.poll()
-
-    def close(self) -> None:
-        for sampler in self.clock, self.robots, self.transforms:
-            sampler.close()
-
-
-def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Observation:
-    """Add what the ROS graph knows to what was received."""
-    statistics, listener = listening.statistics, listening.listener
-    node, (static, dynamic) = listening.node, listener.topics
-    sampler, robots, clock = samplers.headers, samplers.robots, samplers.clock
-    joint_senders = robots.senders()
-    left_out = [f'headers on {topic}: {why}' for topic, why in sorted(sampler.not_read.items())]
-    if listening.dropped:
-        left_out.append(f'{listening.dropped} messages: they arrived too fast')
-    return Observation(
-        statistics, where, (dynamic, static),
-        nodes=listener.names_of(statistics.publishers()),
-        present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
-        volatile_listeners=_volatile_listeners(node, static), headers=sampler.headers(),
-        senders=sampler.senders(), robots=robots.robots(), joint_senders=joint_senders,
-        joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
-        clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
-        tf_listeners=robots.subscribers(dynamic), other_transforms=[
-            OtherTopic(*each) for each in samplers.transforms.topics()],
-        tf_topics=[topic for topic, types in node.get_topic_names_and_types()
-                   if TF_MESSAGE in types and node.count_publishers(topic)],
-        not_known=_not_known(listening), left_out=left_out,
-        why_no_transforms=(
-            '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
-        other_namespaces=listener.other_topics_hint(), end=listening.end,
-        clock_offset=listening.offset, clock_hint=_clock_hint(node))
+        elapsed = listen(duration, listener.buffer.frame_names, poll)
+        joint_senders = robots.senders()
+        left_out = [f'headers on {topic}: {why}'
+                    for topic, why in sorted(headers.not_read.items())]
+        if listening.dropped:
+            left_out.append(f'{listening.dropped} messages: they arrived too fast')
+        return Observation(
+            statistics, f'in {elapsed:.1f} s', (dynamic, static),
+            nodes=listener.names_of(statistics.publishers()),
+            present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
+            volatile_listeners=_volatile_listeners(node, static), headers=headers.headers(),
+            senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
+            joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
+            clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
+            tf_listeners=robots.subscribers(dynamic),
+            other_transforms=[OtherTopic(*each) for each in transforms.topics()],
+            tf_topics=[topic for topic, types in node.get_topic_names_and_types()
+                       if TF_MESSAGE in types and node.count_publishers(topic)],
+            not_known=_not_known(listening), left_out=left_out, why_no_transforms=(
+                '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
+            other_namespaces=listener.other_topics_hint(), end=listening.end,
+            clock_offset=listening.offset, clock_hint=_clock_hint(node))
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:
