@@ -78,19 +78,6 @@ def seconds(text: str) -> int:
     return int(time)
 
 
-#: How long the commands listen by default, and at most (s).
-DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
-
-
-def listening_time(given: Optional[float]) -> float:
-    """Return how long a command listens (s); None: the default."""
-    time = DEFAULT_TIME if given is None else given
-    if not 0.0 < time <= _LONGEST_TIME:
-        raise UsageError(f'the time to listen must be more than 0 s, and at most '
-                         f'{_LONGEST_TIME:g} s, got {time:g}')
-    return time
-
-
 def run(parser: Parser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
     """

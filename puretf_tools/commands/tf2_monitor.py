@@ -1,7 +1,7 @@
 """The command `tf2_monitor`: print the rates and delays of received transforms repeatedly."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
@@ -9,15 +9,7 @@ from puretf import TransformException
 from puretf.formatting import in_seconds, SECOND, shortened, visible
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
-from puretf_tools.inspection.terminal import (
-    column_width,
-    is_terminal,
-    Once,
-    padded,
-    show,
-    width,
-    wrapped,
-)
+from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import NodeTraffic, Traffic, WINDOW
 
 if TYPE_CHECKING:
@@ -95,26 +87,25 @@ def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
         *_table('All Broadcasters:', 'node', nodes)]
 
 
-def _table(title: str, node_title: str, rows: Sequence[NodeTraffic]) -> Iterator[str]:
-    names = [f'  {shortened(row.frame)}' for row in rows]
-    columns = column_width([len(title), *map(width, names)])
-    yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {node_title}'
-    for name, row in zip(names, rows):
-        yield (f'{padded(name, columns)}{_rate_and_delays(row)}  '
-               f'{shortened(row.node)}{" (gone)" if row.is_present is False else ""}')
+def _table(title: str, node_title: str, rows: Sequence[NodeTraffic]) -> list[str]:
+    head = title, f'{"rate":>9}{"average delay":>16}{"max delay":>14}', node_title
+    return columns([head, *(
+        (f'  {shortened(row.frame)}', _rate_and_delays(row),
+         f'{shortened(row.node)}{" (gone)" if row.is_present is False else ""}')
+        for row in rows)])
 
 
 def _rate_and_delays(row: NodeTraffic) -> str:
-    """Return a text of at least 41 columns."""
+    """Return a text of at least 39 columns."""
     if row.is_static:
-        return f'{"static":>11}{"":30}'
+        return f'{"static":>9}{"":30}'
     if row.summary is None:
         silence = row.silence
         last = '' if silence is None else f'last received {silence:.1f} s ago'
-        return f'{last:>41}'
+        return f'{last:>39}'
     rate, average, maximum = row.summary
     hertz = '?' if rate is None else f'{rate:.1f}'
-    return f'{hertz:>8} Hz {average:13.6f} s {maximum:11.6f} s'
+    return f'{hertz:>6} Hz {average:13.6f} s {maximum:11.6f} s'
 
 
 def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None,

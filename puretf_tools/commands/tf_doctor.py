@@ -22,16 +22,8 @@ from puretf.formatting import (
     visible,
 )
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
-from puretf_tools.cli.parser import (
-    DEFAULT_TIME,
-    listening_time,
-    number,
-    Parser,
-    run,
-    seconds,
-    UsageError,
-)
-from puretf_tools.cli.progress import listen, progress
+from puretf_tools.cli.parser import number, Parser, run, seconds, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
@@ -40,7 +32,7 @@ from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
 from puretf_tools.doctor.troubleshooting import find, section
 from puretf_tools.inspection.feeds import OtherTopic
-from puretf_tools.inspection.terminal import column_width, wrapped
+from puretf_tools.inspection.terminal import columns, wrapped
 from puretf_tools.inspection.traffic import SETTLING
 from puretf_tools.robot.observed import RobotListener, robots_in_bag
 
@@ -106,9 +98,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
 def _print_sections(words: str) -> None:
     """Print sections of docs/troubleshooting.md, or without words, the names of all."""
     if not words.strip():
-        columns = column_width(map(len, SECTION_NAMES.values()))
-        for heading, name in SECTION_NAMES.items():
-            print(f'{name:{columns}}  {heading}')
+        print('\n'.join(columns([(name, heading) for heading, name in SECTION_NAMES.items()])))
         return
     headings = find(words)
     if not headings:

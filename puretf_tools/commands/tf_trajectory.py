@@ -20,16 +20,8 @@ from puretf import TransformBuffer, TransformException
 from puretf.formatting import exact_time, SECOND, shortened, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import (
-    CommandError,
-    DEFAULT_TIME,
-    listening_time,
-    number,
-    Parser,
-    run,
-    UsageError,
-)
-from puretf_tools.cli.progress import listen, progress
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.inspection.terminal import is_terminal
 

@@ -10,29 +10,12 @@ from puretf import Frame
 from puretf.formatting import exact_time, in_seconds, shortened, suggest_names, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import (
-    CommandError,
-    DEFAULT_TIME,
-    listening_time,
-    number,
-    Parser,
-    run,
-    UsageError,
-)
-from puretf_tools.cli.progress import DISCOVERY, wait
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, DISCOVERY, listening_time, wait
 from puretf_tools.cli.signals import check_signals, sleep
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
-from puretf_tools.inspection.terminal import (
-    column_width,
-    height,
-    is_terminal,
-    Once,
-    padded,
-    show,
-    width,
-    wrapped,
-)
+from puretf_tools.inspection.terminal import columns, height, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import rate_of
 
 if TYPE_CHECKING:
@@ -56,11 +39,11 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
             hertz = rate_of(frame)
             rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
             age = _age(now, frame.latest)
-        rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,
-                     age, shortened(frame.authority) if frame else ''))
-    columns = column_width(len(branches) + width(name) for branches, name, *_ in rows)
-    return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {publisher}'
-            .rstrip() for branches, name, rate, age, publisher in rows]
+        elif frame is not None:
+            rate = 'static'
+        rows.append((branches + shortened(name), f'{rate:>9}', f'{age:>13}',
+                     shortened(frame.authority) if frame else ''))
+    return columns(rows)
 
 
 def _age(now: int, stamp: int) -> str:

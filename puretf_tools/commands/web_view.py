@@ -13,8 +13,8 @@ from puretf.formatting import namespace_path, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST
-from puretf_tools.cli.parser import CommandError, listening_time, number, Parser, run, UsageError
-from puretf_tools.cli.progress import BAR, listen, progress
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import BAR, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import NamedTuple, TYPE_CHECKING
 from puretf import Frame
 from puretf.formatting import exact_time, in_seconds, shortened, visible
 from puretf_tools.inspection.forest import self_and_ancestors
-from puretf_tools.inspection.terminal import column_width, padded, width, wrapped
+from puretf_tools.inspection.terminal import columns, wrapped
 from puretf_tools.inspection.traffic import rate_of
 
 if TYPE_CHECKING:
@@ -34,10 +34,9 @@ class Explanation(NamedTuple):
                  '' if frame.is_static else
                  f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
                  shortened(frame.authority)] for frame in self.path]
-        widths = [column_width(map(width, column)) for column in zip(*rows)]
         lines = []
-        for row, frame in zip(rows, self.path):
-            lines.append('  '.join(map(padded, row, widths)).rstrip())
+        for line, frame in zip(columns(rows), self.path):
+            lines.append(line)
             if refusal := self.refusals[frame.name]:
                 lines += wrapped(f'No pose at that time: {refusal}.', '    ')
         if lines:

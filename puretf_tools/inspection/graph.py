@@ -9,13 +9,7 @@ import sys
 from tempfile import TemporaryFile
 
 from puretf import Frame
-from puretf.formatting import (
-    display_time,
-    dot_quoted,
-    exact_time,
-    in_seconds,
-    visible_name,
-)
+from puretf.formatting import display_time, dot_quoted, exact_time, in_seconds, visible_name
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.traffic import rate_of
 

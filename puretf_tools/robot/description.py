@@ -14,12 +14,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from puretf.formatting import abbreviated, comma_list, quoted, suggest_names, visible
-from puretf.rotations import (
-    conjugate,
-    multiply,
-    quaternion_about_axis,
-    quaternion_from_euler,
-)
+from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
 
 #: x, y, z (m) and the quaternion x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
