@@ -16,10 +16,10 @@ from puretf_tools.cli.page_options import add_page_options, HOST
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import BAR, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
+from puretf_tools.view.feed import BagFeed, Feed, LiveFeed
 
 if TYPE_CHECKING:
     from puretf_tools.view.export import Recording
-    from puretf_tools.view.feed import BagFeed, Feed
 
 _EXPORTED_TIME = 10.0
 
@@ -34,7 +34,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
     path = None if export is None else _html_path(export)
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if buffer := read_bag(bag, namespace, partial):
-        from puretf_tools.view.feed import BagFeed
         feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
         if path:
             read_descriptions(feed, bag, namespace, partial)
@@ -44,7 +43,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
                 target=_examine, args=(feed, bag, namespace, partial), daemon=True))
     else:
         from puretf_tools.cli.node import spinning_node
-        from puretf_tools.view.feed import LiveFeed
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             if path:
@@ -54,13 +52,13 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
     return 0
 
 
-def _examine(feed: 'BagFeed', bag: Sequence[str], namespace: str, partial: bool) -> None:
+def _examine(feed: BagFeed, bag: Sequence[str], namespace: str, partial: bool) -> None:
     with suppress(KeyboardInterrupt):  # the command ends
         read_descriptions(feed, bag, namespace, partial)
     find_faults(feed.findings, bag, namespace, partial)
 
 
-def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], namespace: str, partial: bool
+def read_descriptions(feed: BagFeed, bag: Optional[Sequence[str]], namespace: str, partial: bool
                       ) -> None:
     """Give a feed the descriptions of the robots below a namespace in a bag."""
     from puretf_tools.robot.descriptions import in_bag
@@ -88,7 +86,7 @@ def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: 
         pass  # the command ends
 
 
-def _recorded_bag(feed: 'BagFeed', seconds: Optional[float], meshes: Sequence[str]
+def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
                   ) -> 'Recording':
     from puretf_tools.view.export import PERIOD, Recording
     player, recording = feed.player, Recording(feed, meshes)
@@ -103,7 +101,7 @@ def _recorded_bag(feed: 'BagFeed', seconds: Optional[float], meshes: Sequence[st
     return recording
 
 
-def recorded_live(feed: 'Feed', seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
+def recorded_live(feed: Feed, seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
     """Record for some time from the first transform on, or until Ctrl-C."""
     from puretf_tools.view.export import Recording
     recording = Recording(feed, meshes)
@@ -112,7 +110,7 @@ def recorded_live(feed: 'Feed', seconds: float, meshes: Sequence[str] = ()) -> '
     return recording
 
 
-def _export(recording: 'Recording', feed: 'Feed', path: Path) -> None:
+def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
     if not recording.has_frames:
         raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
     duration = recording.duration
@@ -136,7 +134,7 @@ def _html_path(export: str) -> Path:
     return path
 
 
-def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str],
+def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str],
           examination: Optional[Thread] = None) -> None:
     from puretf_tools.view.page import show
     with suppress(KeyboardInterrupt):  # which is its normal end

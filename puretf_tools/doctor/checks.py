@@ -616,7 +616,9 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
         'Stop one of the two nodes, or remap its topic.',
         section='Two nodes on /joint_states or /clock')
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
-    for topic, all_senders in observation.own_joint_senders.items():
+    for topic, all_senders in observation.joint_senders.items():
+        if not observation.is_own(topic):
+            continue
         groups: dict[tuple[Sender, ...], list[str]] = {}
         for name in sorted({name for sender in all_senders for name in sender.names}):
             if senders := rivals([each for each in all_senders if name in each.names]):

@@ -64,26 +64,18 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
     :param publishers: by child: the names of the nodes that publish it.
     """
     with buffer.updated():  # so that all that follows describes the same state
-        explanation = _explain(buffer, ends, stamp, publishers)
-    if not explanation.why_not:
-        return explanation
+        why_not = buffer.why_not(*ends, stamp)
+        frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
+                  for frame in buffer.frames()}
+        path, _ = _path(frames, ends)
+        time = stamp or min((frame.latest for frame in path if frame.latest), default=0)
+        # At this time, frames may have had other parents.
+        for frame in buffer.frames(time):
+            frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
+    path, roots = _path(frames, ends)
     # The hint about the publishers needs the lock to be free.
-    return explanation._replace(why_not=buffer.why_not(*ends, stamp) or explanation.why_not)
-
-
-def _explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str],
-             stamp: int, publishers: Mapping[str, str]) -> Explanation:
-    why_not = buffer.why_not(*ends, stamp)
-    frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
-              for frame in buffer.frames()}
-    path, roots = _path(frames, ends)
-    stamp = stamp or min((frame.latest for frame in path if frame.latest), default=0)
-    # At this time, frames may have had other parents.
-    for frame in buffer.frames(stamp):
-        frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
-    path, roots = _path(frames, ends)
-    return Explanation(ends, stamp, path, {frame.name: _refusal(frame, stamp) for frame in path},
-                       roots, why_not)
+    return Explanation(ends, time, path, {frame.name: _refusal(frame, time) for frame in path},
+                       roots, why_not and (buffer.why_not(*ends, stamp) or why_not))
 
 
 def _path(frames: Mapping[str, Frame], ends: tuple[str, str]

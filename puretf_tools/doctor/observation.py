@@ -150,7 +150,7 @@ class Observation:
         """By frame: the index of its tree in `trees`."""
         return {name: i for i, tree in enumerate(self.trees) for name in tree}
 
-    def _is_own(self, topic: str) -> bool:
+    def is_own(self, topic: str) -> bool:
         """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
         namespace = self.topics[0].rpartition('/')[0]
         namespaces = {namespace, *(name.rpartition('/')[0] for name in self.tf_topics)}
@@ -161,19 +161,13 @@ class Observation:
     @cached_property
     def own_headers(self) -> dict[str, Headers]:
         """Those `headers` whose nearest namespace with transforms is that of `topics`."""
-        return {topic: headers for topic, headers in self.headers.items() if self._is_own(topic)}
+        return {topic: headers for topic, headers in self.headers.items() if self.is_own(topic)}
 
     @cached_property
     def own_robots(self) -> list[tuple[Robot, str]]:
         """Those `robots` whose namespace is that of `topics`, and the prefix of their frames."""
         return [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
-                for robot in self.robots if self._is_own(robot.topic)]
-
-    @cached_property
-    def own_joint_senders(self) -> dict[str, Sequence[Sender]]:
-        """Those `joint_senders` whose namespace is that of `topics`."""
-        return {topic: senders for topic, senders in self.joint_senders.items()
-                if self._is_own(topic)}
+                for robot in self.robots if self.is_own(robot.topic)]
 
     @cached_property
     def halves(self) -> list[Half]:

@@ -289,11 +289,7 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
     values['speed'], values['pose_before'] = speeds[-1], chain[-2]
     if moves.max() >= SMALLEST_JUMP:
         usual = np.minimum(usual, _distances(chain[2:], chain[:-2]) / (2.0 * spans))
-        at = speeds.argmax(axis=0)[None]
-        fastest = [np.take_along_axis(each, at, 0)[0] for each in (speeds, moves, stamps)]
-        is_larger = fastest[0] > values['largest_speed']
-        for name, value in zip(('largest_speed', 'jump', 'jump_at'), fastest):
-            values[name] = np.where(is_larger, value, values[name])
+        _keep_largest(values, largest_speed=speeds, jump=moves, jump_at=stamps)
         rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
         bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
         indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
@@ -328,16 +324,21 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
     steps = np.where(is_zero | (before == 0), 0, stamps - before)
     values['backwards'] += (steps < 0).sum(axis=0)
-    for name, lengths in ('largest_step', steps), ('step_back', -steps):
-        at = lengths.argmax(axis=0)[None]
-        length, begin = (np.take_along_axis(each, at, 0)[0] for each in (lengths, before))
-        is_larger = length > values[name]
-        values[name] = np.where(is_larger, length, values[name])
-        values[f'{name}_at'] = np.where(is_larger, begin, values[f'{name}_at'])
+    _keep_largest(values, largest_step=steps, largest_step_at=before)
+    _keep_largest(values, step_back=-steps, step_back_at=before)
     forward, columns = steps > 0, np.arange(steps.shape[1])
     bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
     indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]
     values['steps'] += np.bincount(indices, minlength=len(columns) * _BINS).reshape(-1, _BINS)
+
+
+def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:
+    """Keep the row of (m, n) columns where the first is largest, if it is larger than before."""
+    first = next(iter(columns))
+    at = columns[first].argmax(axis=0)[None]
+    is_larger = np.take_along_axis(columns[first], at, 0)[0] > values[first]
+    for name, column in columns.items():
+        values[name] = np.where(is_larger, np.take_along_axis(column, at, 0)[0], values[name])
 
 
 def _add_times(values: Any, times: NDArray[np.int64]) -> None:

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from math import hypot, isfinite
 import os
 from pathlib import Path
 import re
 import shlex
 from threading import Lock
-from typing import Any, NoReturn, Optional, Union
+from typing import Any, NamedTuple, NoReturn, Optional, Union
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -71,8 +70,7 @@ class DescriptionError(ValueError):
     """A description that is refused; the text is one line."""
 
 
-@dataclass(frozen=True)
-class Mimic:
+class Mimic(NamedTuple):
     """A joint follows another one: its position is that of `joint` * multiplier + offset."""
 
     joint: str
@@ -80,8 +78,7 @@ class Mimic:
     offset: float
 
 
-@dataclass(frozen=True)
-class Joint:
+class Joint(NamedTuple):
     """
     A joint between two links.
 
@@ -119,8 +116,7 @@ class Joint:
         return self.pose
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(NamedTuple):
     """
     A visual or collision shape of a link.
 
@@ -136,8 +132,7 @@ class Shape:
     rgba: Optional[Rgba]
 
 
-@dataclass(frozen=True)
-class Description:
+class Description(NamedTuple):
     """A robot: a tree of links below `root`; `warnings` say what of the text is left out."""
 
     name: str

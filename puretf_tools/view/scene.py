@@ -110,10 +110,8 @@ class Scene:
                 cast_shadow=False, receive_shadow=False)
             self._rods.on_click(self._click)
             return
-        self._rods.batched_positions = new.positions
-        self._rods.batched_wxyzs = new.wxyzs
-        self._rods.batched_scales = new.scales
-        self._rods.batched_colors = new.colors
+        for name, values in new._asdict().items():
+            setattr(self._rods, f'batched_{name}', values)
         self._rods.visible = True
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
