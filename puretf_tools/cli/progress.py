@@ -7,7 +7,7 @@ import time
 from typing import Any, Optional
 
 from puretf_tools.cli.parser import UsageError
-from puretf_tools.cli.signals import wait_until
+from puretf_tools.cli.signals import check_signals, wait_until
 
 #: The format of a bar over a time (s).
 BAR = '{desc} {bar} {n:.1f} of {total:g} s'
@@ -22,7 +22,8 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     """
     Show a bar if stderr is a terminal and `tqdm` is installed.
 
-    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3.
+    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3; a signal that was recorded
+    ends it, by KeyboardInterrupt.
 
     :param kwargs: arguments of `tqdm.tqdm`, such as `desc`.
     """
@@ -31,11 +32,15 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     except ImportError:
         tqdm = None
     if tqdm is None or not sys.stderr:
-        yield lambda done: None
+        yield lambda done: check_signals()
         return
     kwargs.setdefault('disable', None)  # unless stderr is a terminal
     with tqdm(total=total, leave=False, **kwargs) as bar:
-        yield lambda done: bar.update(done - bar.n)
+        def show(done: float) -> None:
+            check_signals()
+            bar.update(done - bar.n)
+
+        yield show
 
 
 def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:

@@ -79,7 +79,6 @@ class Trajectory:
         with progress(len(self.times), desc='looking up', disable=None if self._has_bar else True,
                       bar_format='{desc} {bar} {n} of {total} rows') as show_progress:
             for begin in range(0, len(self.times), _PART):
-                check_signals()
                 times = self.times[begin:begin + _PART]
                 yield self._part(times)
                 show_progress(begin + len(times))

@@ -94,7 +94,6 @@ def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
     length = player.length if seconds is None else min(seconds, player.length)
     with progress(length, desc='recording', bar_format=BAR) as show_progress:
         for i in range(ceil(length / PERIOD) + 1):
-            check_signals()
             player.seek(min(length, i * PERIOD))
             recording.add(player.position, player.time)
             show_progress(player.position)
@@ -111,15 +110,10 @@ def recorded_live(feed: Feed, seconds: float, meshes: Sequence[str] = ()) -> 'Re
 
 
 def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
-    if not recording.has_frames:
+    if not recording.moments:
         raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
     duration = recording.duration
-
-    def on_progress(done: float) -> None:
-        check_signals()
-        show_progress(done)
-
-    with progress(duration, desc='making the page', bar_format=BAR) as show_progress:
+    with progress(duration, desc='making the page', bar_format=BAR) as on_progress:
         page = recording.as_html(on_progress)
     with whole_file(path) as part:
         part.write_text(page, encoding='utf-8')

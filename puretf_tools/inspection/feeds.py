@@ -113,15 +113,8 @@ def _by_distance(others: Sequence[OtherTopic], base: str) -> list[tuple[str, lis
     groups: dict[str, list[OtherTopic]] = {}
     for other in others:
         groups.setdefault(other.base, []).append(other)
-
-    def key(item: tuple[str, object]) -> tuple[int, str]:
-        return namespace_distance(_namespace(item[0]), _namespace(base)), item[0]
-
-    return sorted(groups.items(), key=key)
-
-
-def _namespace(base: str) -> str:
-    return base.rpartition('/')[0]
+    return sorted(groups.items(), key=lambda item: (
+        namespace_distance(*(name.rpartition('/')[0] for name in (item[0], base))), item[0]))
 
 
 def half_text(half: Half, topics: Sequence[str], nodes: Sequence[str]) -> str:

@@ -444,26 +444,21 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
     colors = {element.get('name', ''): color for element in robot.findall('material')
               if (color := _color(element))}
     shapes: dict[str, list[Shape]] = {'visual': [], 'collision': []}
-    count = 0
-    for link in robot.findall('link'):
-        name = link.attrib['name']
-        for element in link:
-            if element.tag in shapes:
-                count += 1
-                if count > _MOST_SHAPES:
-                    warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
-                    return tuple(shapes['visual']), tuple(shapes['collision'])
-                material = element.find('material')
-                if material is not None:
-                    element.remove(material)
-                rgba, problem = _rgba(material, colors)
-                try:
-                    shapes[element.tag].append(_shape(element, name, urdf, rgba))
-                except DescriptionError as error:
-                    warnings.append(f'link {quoted(name)}: a {element.tag} is left out: {error}')
-                else:
-                    if problem:
-                        warnings.append(f'link {quoted(name)}: {problem}')
+    elements = [(link.attrib['name'], element) for link in robot.findall('link')
+                for element in link if element.tag in shapes]
+    for name, element in elements[:_MOST_SHAPES]:
+        material = element.find('material')
+        if material is not None:
+            element.remove(material)
+        rgba, problem = _rgba(material, colors)
+        try:
+            shapes[element.tag].append(_shape(element, name, urdf, rgba))
+        except DescriptionError as error:
+            problem = f'a {element.tag} is left out: {error}'
+        if problem:
+            warnings.append(f'link {quoted(name)}: {problem}')
+    if len(elements) > _MOST_SHAPES:
+        warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
     return tuple(shapes['visual']), tuple(shapes['collision'])
 
 
