@@ -13,14 +13,7 @@ import time
 from typing import Any, Optional, TYPE_CHECKING
 
 from puretf.bag import messages, NOT_RECORDED, read, recordings
-from puretf.formatting import (
-    exact_time,
-    in_seconds,
-    SECTION_NAMES,
-    suggest_names,
-    TF_MESSAGE,
-    visible,
-)
+from puretf.formatting import exact_time, in_seconds, TF_MESSAGE, visible
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from puretf_tools.cli.parser import number, Parser, run, seconds, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
@@ -30,11 +23,11 @@ from puretf_tools.doctor.explanation import explain, Explanation
 from puretf_tools.doctor.observation import Endpoint, in_words, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
-from puretf_tools.doctor.troubleshooting import find, section
+from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.feeds import OtherTopic
-from puretf_tools.inspection.terminal import columns, wrapped
+from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
-from puretf_tools.robot.observed import RobotListener, robots_in_bag
+from puretf_tools.robot.observed import robots_in_bag
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -78,7 +71,10 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
                   *wrapped(f'{check.meaning} {check.remedy}', '    '), sep='\n')
         return 0
     if words is not None:
-        _print_sections(' '.join(words))
+        try:
+            print(explained(' '.join(words).strip()))
+        except ValueError as error:
+            raise UsageError(str(error)) from None
         return 0
     if ends:
         explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
@@ -93,18 +89,6 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
-
-
-def _print_sections(words: str) -> None:
-    """Print sections of docs/troubleshooting.md, or without words, the names of all."""
-    if not words.strip():
-        print('\n'.join(columns([(name, heading) for heading, name in SECTION_NAMES.items()])))
-        return
-    headings = find(words)
-    if not headings:
-        names = (*SECTION_NAMES.values(), *CHECKS)
-        raise UsageError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
-    print('\n\n'.join('\n'.join(section(heading)) for heading in headings))
 
 
 def _explanation_data(explanation: Explanation) -> dict[str, Any]:
@@ -234,6 +218,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.clock_sampler import ClockSampler
     from puretf_tools.inspection.header_sampler import HeaderSampler
+    from puretf_tools.robot.description_listener import RobotListener
     with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
         listening = _Listening(node)
         listener, statistics = listening.listener, listening.statistics

@@ -1,8 +1,9 @@
-"""The texts in the panel of the web page: an overview of all frames, and details of one frame."""
+"""The texts in the panel of the web page: an overview, details of a frame, texts to copy."""
 
 from collections.abc import Iterable
 from html import escape
 from math import degrees
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ _MAX_NAMES = 5
 #: Of the texts in the panel.
 STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
+#: A click selects the whole text.
+_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
 
 
 def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
@@ -137,3 +140,24 @@ def html(text: str, key: str) -> str:
 
 def _text(text: str) -> str:
     return escape(visible(text))
+
+
+def copied(text: str, key: str) -> str:
+    """Return in HTML a text that a click selects."""
+    return f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
+
+
+def command_line(parent: str, child: str, numbers: Iterable[tuple[str, float]]) -> str:
+    """Return the command that publishes a transform; numbers: by option, such as x or yaw."""
+    frames = ('frame-id', parent), ('child-frame-id', child)
+    return ' '.join(['static_transform_publisher', *(
+        f'--{option} {decimal(value)}' for option, value in numbers if value), *(
+        # The parser takes a value that begins with a hyphen only after '='.
+        f'--{option}{"=" if frame.startswith("-") else " "}{quote(visible(frame))}'
+        for option, frame in frames)])
+
+
+def decimal(value: float) -> str:
+    """Write a number without an exponent, which YAML 1.1 reads as a text if there is no point."""
+    digits = fixed_point(value, 9).rstrip('0')
+    return f'{digits}0' if digits.endswith('.') else digits

@@ -12,8 +12,7 @@ from puretf.formatting import suggest_names, visible, visible_name
 from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.view.controls import change, FrameChoice
-from puretf_tools.view.copied import command_line, copied, decimal
-from puretf_tools.view.details import html
+from puretf_tools.view.details import command_line, copied, decimal, html
 from puretf_tools.view.hand_publisher import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import HANDLES

@@ -12,8 +12,7 @@ from puretf.formatting import exact_time, SECOND
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import FrameChoice
-from puretf_tools.view.copied import command_line, copied
-from puretf_tools.view.details import html, STYLE
+from puretf_tools.view.details import command_line, copied, html, STYLE
 from puretf_tools.view.feed import AnyBuffer, LENGTH
 
 #: The shortest times between two updates of the numbers and of the plots (s).

@@ -144,7 +144,7 @@ def test_what_is_not_valid_is_refused(publisher):
 def test_the_command_is_accepted(monkeypatch, parent, name):
     """It publishes the frame that the page publishes."""
     pytest.importorskip('viser')
-    from puretf_tools.view.copied import command_line
+    from puretf_tools.view.details import command_line
     sent = []
 
     def publish(*args, **kwargs):

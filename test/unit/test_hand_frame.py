@@ -14,7 +14,7 @@ pytest.importorskip('viser')
 from viewer import Viewer
 from websockets.exceptions import ConnectionClosed
 
-from puretf_tools.view.copied import command_line
+from puretf_tools.view.details import command_line
 from puretf_tools.view.hand_frame import HandFrame, yaml_text
 from puretf_tools.view.hand_publisher import HandPublisher
 from puretf_tools.view.server import serve
