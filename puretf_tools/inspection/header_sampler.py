@@ -139,13 +139,11 @@ class _Topic:
         offered = {(info.qos_profile.reliability, info.qos_profile.durability)
                    for info in self._node.get_publishers_info_by_topic(self._name)}
         self._begin = time_ns()
-        if _LATCHED not in offered:
+        if has_others := offered != {_LATCHED}:
             self._add_subscription(self._read, *_OTHER)
-        elif len(offered) == 1:
-            self._add_subscription(self._read_latched, *_LATCHED)
-        else:
-            self._add_subscription(self._read, *_OTHER)
-            self._add_subscription(self._read_frame, *_LATCHED)
+        if _LATCHED in offered:
+            self._add_subscription(
+                self._read_frame if has_others else self._read_latched, *_LATCHED)
 
     def _add_subscription(self, callback: Any, reliability: ReliabilityPolicy,
                           durability: DurabilityPolicy) -> None:

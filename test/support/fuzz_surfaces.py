@@ -239,8 +239,10 @@ def _offline_listener() -> Any:
     class Offline(FrameListener):
         """A listener without a node, whose frames have all arrived."""
 
+        buffer: Any = None
+
         def __init__(self, buffer: TransformBuffer) -> None:
-            self.buffer: Any = BufferCore()
+            self.buffer = BufferCore()
             for frame in buffer.frames():
                 self.buffer.insert(frame.latest, frame.parent, frame.name, bags.STILL,
                                    frame.authority, frame.is_static)
@@ -252,7 +254,7 @@ def _offline_listener() -> Any:
         def topics_hint(self) -> str:
             return ''
 
-        def why_no_frames(self) -> str:
+        def why_nothing(self) -> str:
             return ''
 
     return Offline

@@ -19,15 +19,7 @@ from puretf_tools import entry_points
 from puretf_tools.cli import files, progress, signals
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import (
-    CommandError,
-    listening_time,
-    number,
-    Parser,
-    run,
-    seconds,
-    UsageError,
-)
+from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
 from puretf_tools.cli.signals import (
     begin_cleanup,
     check_signals,
@@ -96,14 +88,14 @@ def test_other_text_is_no_time(text):
 @pytest.mark.parametrize(('given', 'time'), [(None, 5.0), (0.001, 0.001), (1e9, 1e9)])
 def test_the_time_to_listen(given, time):
     """There is a default."""
-    assert listening_time(given) == time
+    assert progress.listening_time(given) == time
 
 
 @pytest.mark.parametrize('given', [0.0, -1.0, 1.1e9])
 def test_no_time_to_listen(given):
     """The error has the limits."""
     with pytest.raises(UsageError, match=r'more than 0 s, and at most 1e\+09 s, got '):
-        listening_time(given)
+        progress.listening_time(given)
 
 
 @pytest.mark.parametrize(('argument', 'hint'), [

@@ -183,7 +183,7 @@ def test_a_recording(buffer):
     """It has the frames at each moment, and no controls."""
     recording = Recording(BagFeed(buffer, 'bag'))
     recording.add(5.0, T - 1)  # there is no frame yet
-    assert not recording.has_frames
+    assert not recording.moments
     for i in range(11):
         recording.add(5.0 + i / 2, T + i * S // 2)
     assert recording.duration == 5.0

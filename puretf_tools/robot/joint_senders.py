@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from time import monotonic
-from typing import Any, Optional, Protocol, TYPE_CHECKING
+from typing import Any, Optional, TYPE_CHECKING
 
 from puretf.formatting import comma_list, full_name, in_log
 from puretf_tools.cli.parser import UsageError
@@ -54,18 +54,18 @@ class JointControl:
         """Let the robot move by itself."""
 
 
-class JointControls(Protocol):
+class JointControls:
     """The robots whose joints viewers can move."""
 
-    controls: list[JointControl]
-    why_none: str  #: why there is no control, and what to do
-    come_first: bool  #: whether the sliders are in the first tab
+    controls: Sequence[JointControl] = ()
+    why_none = ''  #: why there is no control, and what to do
+    come_first = False  #: whether the sliders are in the first tab
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """Look which robots there are; `descriptions`: those in the network, by topic."""
 
 
-class JointStatePublisher:
+class JointStatePublisher(JointControls):
     """Publishes the positions of all movable joints of one robot on joint_states."""
 
     come_first = True
@@ -196,18 +196,14 @@ class JointCommander(JointControl):
             _message(self._node, {name: self.positions[name] for name in names}))
 
 
-class JointCommanders:
+class JointCommanders(JointControls):
     """The nodes that listen to a topic joint_command."""
-
-    come_first = False
-    why_none = ''
 
     def __init__(self, node: 'Node') -> None:
         self._node, self._next = node, 0.0
         #: By topic, and the namespace of a node that listens to it.
         self._commanders: dict[tuple[str, str], JointCommander] = {}
         self._listeners: list[tuple[str, str]] = []  # the same of all nodes, the nearest last
-        self.controls: list[JointControl] = []
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         if is_due := monotonic() >= self._next:
