@@ -230,18 +230,6 @@ def test_a_bag_without_frames_to_show(failed, tmp_path):
     assert not path.exists()
 
 
-def test_the_options_of_an_export(failed, tmp_path):
-    """They are checked before the bag is read."""
-    for arguments, text in (
-            (['--export', 'a.pdf'], "'a.pdf' must end in .html"),
-            (['--time', '3'], '--time needs --export'),
-            (['--export', 'a.html', '--time', '0'], 'the time to listen must be more than 0 s'),
-            (['--export', str(tmp_path / 'none' / 'a.html')], 'is not a writable directory')):
-        code, error = failed(main, *arguments)
-        assert code == (1 if 'writable' in text else 2)
-        assert text in error
-
-
 def test_an_export_of_a_robot(capsys, tmp_path):
     """The last description in the bag is drawn, with its meshes."""
     bags = pytest.importorskip('bags')

@@ -135,36 +135,10 @@ def test_the_ending_says_how_to_draw(there, output, files, begin):
     assert path.read_bytes().startswith(begin)
 
 
-@pytest.mark.parametrize(('arguments', 'message'), [
-    (['-t', '0'], 'more than 0 s, .*got 0'), (['-t', 'x'], "'x' is not a number"),
-    (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
-    (['-t', '1e300'], 'at most 1e[+]09 s, got 1e[+]300'),
-    (['-o', ''], 'is not a file name'), (['-o', '..'], 'is not a file name'),
-    (['-o', 'directory/'], 'is not a file name'),
-    (['-o', 'a.jpg'], 'must end in .pdf, .svg, .png'),
-    (['--root', ''], '--root needs the name of a frame'),
-    (['--root', '/'], '--root needs the name of a frame'),
-    (['--bag', 'x', '--watch'], 'are for listening: leave them out'),
-    (['--bag', 'x', '-t', '5'], 'are for listening: leave them out'),
-    (['--partial'], '--partial needs --bag'),
-    (['--bag', ''], '--bag needs the path of a bag')])
-def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, message):
-    """The line names the error."""
-    code, line = failed(main, *arguments)
-    assert code == 2
-    assert re.fullmatch(f'view_frames: .*{message}.*\n', line)
-
-
 def test_what_the_command_refuses():
     """A caller from Python gets an exception, before ROS is needed."""
     with pytest.raises(UsageError, match='more than 0 s'):
         view_frames.command(wait_time=0.0)
-
-
-def test_a_bag_that_does_not_exist(failed, there):
-    """The exit code is 1."""
-    assert failed(main, '--bag', 'nowhere') == (
-        1, 'view_frames: cannot read nowhere: No such file or directory\n')
 
 
 @on_unix
@@ -182,17 +156,6 @@ def test_a_file_is_written_whole_or_not_at_all(monkeypatch, there):
         view_frames.write(Path('old'), bytes(2000))
     assert [path.name for path in there.iterdir()] == ['old']
     assert Path('old').read_bytes() == b'new and short'
-
-
-@pytest.mark.parametrize('output', ['missing/frames', 'directory.pdf'])
-def test_where_nothing_can_be_written(failed, monkeypatch, there, output):
-    """The error says why the file cannot be written, before the command listens."""
-    Path('directory.pdf').mkdir()
-    monkeypatch.setattr(view_frames, 'read_bag', pytest.fail)
-    name = output.removesuffix('.pdf')
-    why = 'it is a directory' if name == 'directory' else 'missing is not a writable directory'
-    assert failed(main, '-o', output) == (1, f'view_frames: cannot write {name}.pdf: {why}\n')
-    assert [path.name for path in there.iterdir()] == ['directory.pdf']
 
 
 def test_without_pygraphviz(failed, monkeypatch, there, walk):
