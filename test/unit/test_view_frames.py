@@ -311,27 +311,3 @@ def test_a_root_that_does_not_exist(failed, house):
     """The error is one line with the nearest names."""
     assert failed(main, '--text', '--bag', house, '--root', 'base_lnk') == (
         1, "view_frames: frame 'base_lnk' does not exist. Nearest known: 'base_link'.\n")
-
-
-def test_without_tqdm_a_bag_is_read(capfd, monkeypatch, walk):
-    """The missing module is not mentioned."""
-    monkeypatch.setitem(sys.modules, 'tqdm', None)
-    assert main(['--text', '--bag', walk]) == 0
-    out, err = capfd.readouterr()
-    assert out.startswith('map\n└── odom ')
-    assert err == ''
-
-
-@pytest.mark.parametrize(('module', 'kind', 'partial'), [
-    ('rosbags', 'mcap', []), ('mcap', 'mcap', ['--partial']), ('ruamel', 'db3', [])])
-def test_without_a_reader_of_bags(failed, make_bag, monkeypatch, module, kind, partial):
-    """The error is one line with the remedy."""
-    bag = make_bag(kind, pytest.importorskip('bags').walk())
-    for name in [*sys.modules]:
-        if name.startswith((f'{module}.', 'puretf._bag.')):
-            monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, module, None)
-    code, line = failed(main, '--text', '--bag', bag, *partial)
-    assert code == 1
-    assert re.fullmatch(f'view_frames: .* cannot be imported .*{module}.*: pip install '
-                        'rosbags mcap\n', line)
