@@ -1,6 +1,6 @@
 """Insertion of messages: it has the same result as that of their transforms, one by one."""
 
-from itertools import count, product
+from itertools import product
 import logging
 import math
 import struct
@@ -203,19 +203,6 @@ def chain(number, stamp, shift=0.0):
     """Return a message with a chain of frames."""
     return cdr.pack([Row(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
                       for i in range(number)])
-
-
-def test_a_stream_of_messages_answers_as_single_transforms_do():
-    """The batches have different sizes, and span several times the cache time."""
-    fast, slow = TransformBuffer(2 * S), TransformBuffer(2 * S)
-    reader = MessageReader(fail_on_error)
-    stamps = count(T * S, S // 50)
-    for size in 1, 30, 2, 39, 17, 1, 25, 8, 39:
-        batch = [chain(40, next(stamps), shift) for shift in range(size)]
-        insert(fast, reader, *batch)
-        for row in (row for data in batch for row in cdr.unpack(data)):
-            slow.insert(*row)
-        assert state(fast) == state(slow)
 
 
 def test_a_child_that_occurs_twice_in_a_message(logs):

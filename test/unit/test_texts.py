@@ -3,7 +3,8 @@
 import pytest
 
 from puretf import ConnectivityException, TransformBuffer
-from puretf._core.texts import difference, is_slip, near_names, shortened
+from puretf._core.texts import difference
+from puretf.formatting import is_slip, near_names, shortened
 
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 #: Two names of one frame, and by what they differ.
