@@ -12,8 +12,10 @@ from xml.parsers import expat
 from environment import code_without
 from hypothesis import example, given
 from hypothesis import strategies as st
+from model import matrix
 import numpy as np
 import pytest
+from transforms3d import affines, axangles, euler
 
 from puretf_tools.robot.description import DescriptionError, MAX_SIZE, Mimic, parse, read
 
@@ -49,59 +51,36 @@ ARM = tree(
     ('elbow', 'revolute', 'upper', 'lower', '0.4 0 0', '0 0 0', '0 1 0'))
 
 
-def rotation(axis, angle):
-    """Return the (4, 4) matrix of a rotation, by Rodrigues' formula."""
-    x, y, z = np.array(axis) / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    result = np.eye(4)
-    result[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return result
-
-
-def translation(vector):
-    """Return the (4, 4) matrix of a translation."""
-    result = np.eye(4)
-    result[:3, 3] = vector
-    return result
-
-
 def oracle(text, positions):
     """Return the (4, 4) matrix of each child link in its parent, from the XML itself."""
-    matrices = {}
+    matrices, ones = {}, (1.0, 1.0, 1.0)
     element: Any
     for element in ElementTree.fromstring(text).findall('joint'):
-        vectors = {(tag, name): [float(number) for number in element.find(tag).get(name).split()]
-                   for tag, name in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz'))}
-        roll, pitch, yaw = vectors['origin', 'rpy']
-        axis = vectors['axis', 'xyz']
-        matrix = (translation(vectors['origin', 'xyz']) @ rotation((0, 0, 1), yaw)
-                  @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll))
+        xyz, rpy, axis = ([float(number) for number in element.find(tag).get(name).split()]
+                          for tag, name in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz')))
+        axis = np.array(axis) / np.linalg.norm(axis)
+        in_parent = affines.compose(xyz, euler.euler2mat(*rpy), ones)
         position = positions[element.get('name')]
         if element.get('type') in ('revolute', 'continuous'):
-            matrix = matrix @ rotation(axis, position)
+            in_parent = in_parent @ axangles.axangle2aff(axis, position)
         elif element.get('type') == 'prismatic':
-            matrix = matrix @ translation(np.array(axis) / np.linalg.norm(axis) * position)
-        matrices[element.find('child').get('link')] = element.find('parent').get('link'), matrix
+            in_parent = in_parent @ affines.compose(axis * position, np.eye(3), ones)
+        matrices[element.find('child').get('link')] = element.find('parent').get('link'), in_parent
     return matrices
 
 
 def matrix_of(pose):
     """Return the (4, 4) matrix of a pose, whose quaternion must have length 1."""
-    x, y, z, *quaternion = pose
-    *vector, w = quaternion
-    assert np.linalg.norm(quaternion) == pytest.approx(1, abs=1e-12)
-    angle = 2 * np.arctan2(np.linalg.norm(vector), w)
-    # The norm of a tiny vector is 0.
-    return translation((x, y, z)) @ rotation(
-        vector if np.linalg.norm(vector) else (1, 0, 0), angle)
+    assert np.linalg.norm(pose[3:]) == pytest.approx(1, abs=1e-12)
+    return matrix(pose[:3], pose[3:])
 
 
 def in_root(matrices, name):
     """Return the (4, 4) matrix of a link in the root."""
     result = np.eye(4)
     while name in matrices:
-        name, matrix = matrices[name]
-        result = matrix @ result
+        name, in_parent = matrices[name]
+        result = in_parent @ result
     return result
 
 

@@ -3,14 +3,13 @@
 from itertools import product
 import logging
 import math
-import struct
 import threading
 import warnings
 
 from ctrl_c import interruptions
 from hypothesis import given
 from hypothesis import strategies as st
-from messages import ArrivedMessages, fail_on_error, golden_messages, golden_rows
+from messages import ArrivedMessages, fail_on_error
 import numpy as np
 import pytest
 
@@ -75,27 +74,6 @@ def test_many_rotations_are_normalised_as_one(monkeypatch, kind):
         np.testing.assert_array_equal(poses, expected)
         assert is_finite == np.isfinite(poses).all()
         assert is_finite or kind not in ('near', 'any', 'far', 'half turns')
-
-
-def test_golden_messages_are_read_as_unpacked():
-    """The fields are the same when a layout is new and when it is known."""
-    reader = MessageReader(fail_on_error)
-    for case in golden_messages():
-        data = bytes.fromhex(case['cdr_hex'])
-        rows = golden_rows(case)
-        plain = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
-                 for stamp, parent, child, pose in rows]
-        for is_known in False, True:
-            unknown, found_batches = read(reader, data)
-            found = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
-                     for stamp, parent, child, pose in unknown]
-            for batch in found_batches:
-                found += [(batch.stamps[0], parent, child, struct.unpack('7d', pose))
-                          for parent, child, pose in zip(
-                              batch.parents, batch.children, batch.poses)]
-            np.testing.assert_equal(found, plain)
-            if is_known and len({row[0] for row in rows}) == 1:
-                assert found_batches
 
 
 def test_padding_and_what_follows_are_no_matter():

@@ -232,16 +232,6 @@ def test_many_at_once_are_exact(rotation, axis, exponent):
     assert np.abs(result - expected).max() < 1.1e-13
 
 
-@given(rotations)
-def test_what_is_stored_is_the_same_rotation(rotation):
-    """The quaternion is normalised on insertion; its sign may change."""
-    buffer = TransformBuffer()
-    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, 3.0)))
-    x, y, z, w = buffer.lookup_transform('a', 'b').rotation
-    assert np.allclose(quaternions.quat2mat((w, x, y, z)),
-                       quaternions.quat2mat(np.roll(rotation, 1)), rtol=0, atol=1e-12)
-
-
 @st.composite
 def uneven_trees(draw):
     """Return a tree whose edges have data for different times, and its parents and time spans."""
