@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 import gc
+import io
 import os
 import shlex
 import signal
@@ -463,38 +464,35 @@ def test_listening(clock, seconds, first, ctrl_c, end, listened):
     assert len(polled) > 10 * end
 
 
-class Stderr:
-    """A terminal, or none, and what is written to it."""
-
-    def __init__(self, is_terminal: bool) -> None:
-        """Create it empty."""
-        self.text = ''
-        self.isatty = lambda: is_terminal
-        self.write = self._write
-        self.flush = lambda: None
-
-    def _write(self, text: str) -> None:
-        self.text += text
+def replace_stderr(monkeypatch, is_terminal):
+    """Let stderr be a terminal or a pipe; return its text."""
+    stderr = io.StringIO()
+    monkeypatch.setattr(stderr, 'isatty', lambda: is_terminal)
+    monkeypatch.setattr(sys, 'stderr', stderr)
+    return stderr
 
 
-@pytest.mark.parametrize(('stderr', 'has_tqdm'), [
-    (Stderr(True), True), (Stderr(True), False), (Stderr(False), True), (None, True)])
-def test_a_bar_is_shown_on_a_terminal(monkeypatch, clock, stderr, has_tqdm):
+@pytest.mark.parametrize(('kind', 'has_tqdm'), [
+    ('terminal', True), ('terminal', False), ('pipe', True), ('closed', True)])
+def test_a_bar_is_shown_on_a_terminal(monkeypatch, clock, kind, has_tqdm):
     """It is filled while time passes, and erased; there is none in a pipe or without tqdm."""
     if has_tqdm:
         tqdm = pytest.importorskip('tqdm').tqdm
         monkeypatch.setattr(tqdm, 'monitor_interval', 0)  # it would start a thread
     else:
         monkeypatch.setitem(sys.modules, 'tqdm', None)
-    monkeypatch.setattr(sys, 'stderr', stderr)
+    stderr = replace_stderr(monkeypatch, kind == 'terminal')
+    if kind == 'closed':
+        monkeypatch.setattr(sys, 'stderr', None)
     assert not progress.wait(3.0, 'waiting')
     assert clock.passed() == 3.0
-    if stderr and stderr.isatty() and has_tqdm:
-        assert 'waiting' in stderr.text
-        assert '0.0 of 3 s' in stderr.text
-        assert not stderr.text.split('\r')[-2].strip()
-    elif stderr:
-        assert stderr.text == ''
+    text = stderr.getvalue()
+    if kind == 'terminal' and has_tqdm:
+        assert 'waiting' in text
+        assert '0.0 of 3 s' in text
+        assert not text.split('\r')[-2].strip()
+    else:
+        assert text == ''
 
 
 def test_a_bar_is_never_more_than_full(monkeypatch, clock):
@@ -517,7 +515,7 @@ def test_a_bar_is_never_more_than_full(monkeypatch, clock):
             steps.append(step)
 
     monkeypatch.setitem(sys.modules, 'tqdm', SimpleNamespace(tqdm=Bar))
-    monkeypatch.setattr(sys, 'stderr', Stderr(True))
+    replace_stderr(monkeypatch, True)
     with progress.progress(10.0, desc='reading') as show:
         for done in 2.0, 5.0:
             show(done)
