@@ -16,8 +16,8 @@ from dummy_arm.grading.observer import MOST, Observer, START
 from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RUN, OK, Report
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.supervisor import DOMAINS
+from puretf import visible
 from puretf.bag import messages
-from puretf.formatting import visible
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError

@@ -25,12 +25,15 @@ from std_msgs.msg import String
 
 from dummy_arm.arm import Arm, Wave
 from puretf import (
+    comma_list,
     PreparedTransforms,
+    quoted,
+    shortened,
     StaticTransformBroadcaster,
+    suggest_names,
     Transform,
     TransformBroadcaster,
 )
-from puretf.formatting import comma_list, in_log, quoted, suggest_names
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 
@@ -90,7 +93,7 @@ def command_problem(command: JointState, limits: dict[str, float]) -> Optional[s
     :param limits: the limit of each joint (rad).
     """
     if len(command.name) != len(command.position):
-        names = comma_list(command.name, 5, in_log) or 'none'
+        names = comma_list(command.name, 5, shortened) or 'none'
         return (f'it has {len(command.position)} positions for {len(command.name)} joints '
                 f'({names}); each joint needs one')
     for name, position in zip(command.name, command.position):
@@ -128,13 +131,13 @@ class DummyArm(Node):
         self._static = StaticTransformBroadcaster(self)
         self._static.sendTransform(Transform(
             self.get_clock().now().nanoseconds, MAP, frames[0]).to_message())
-        self._published = [f'{MAP} -> {in_log(frames[0])} on {self._static.pub_tf.topic_name}']
+        self._published = [f'{MAP} -> {shortened(frames[0])} on {self._static.pub_tf.topic_name}']
         self._transforms: Optional[PreparedTransforms] = None
         if self.get_parameter('publish_tf').value:
             broadcaster = TransformBroadcaster(self)
             self._transforms = broadcaster.prepare(list(pairwise(frames)))
             self._published.append(
-                f'{" -> ".join(map(in_log, frames))} on {broadcaster.pub_tf.topic_name}')
+                f'{" -> ".join(map(shortened, frames))} on {broadcaster.pub_tf.topic_name}')
         self._angles: Optional[Publisher] = None
         self._state = JointState(name=[joint.name for joint in self._arm.joints])
         if self.get_parameter('publish_joint_states').value:

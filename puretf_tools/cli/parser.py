@@ -10,7 +10,7 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
-from puretf.formatting import near_names, SECOND, visible
+from puretf import near_names, SECOND, visible
 from puretf_tools.cli.signals import record_signals, signal_received
 
 #: Decimal arithmetic that raises an exception instead of rounding.

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
-from puretf import TransformException
-from puretf.formatting import in_seconds, SECOND, shortened, visible
+from puretf import in_seconds, SECOND, shortened, TransformException, visible
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
 from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped

@@ -12,8 +12,8 @@ import threading
 import time
 from typing import Any, Optional, TYPE_CHECKING
 
+from puretf import exact_time, in_seconds, TF_MESSAGE, visible
 from puretf.bag import messages, NOT_RECORDED, read, recordings
-from puretf.formatting import exact_time, in_seconds, TF_MESSAGE, visible
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from puretf_tools.cli.parser import number, Parser, run, seconds, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress

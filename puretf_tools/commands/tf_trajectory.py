@@ -16,8 +16,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import TransformBuffer, TransformException
-from puretf.formatting import exact_time, SECOND, shortened, visible
+from puretf import exact_time, SECOND, shortened, TransformBuffer, TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError

@@ -6,8 +6,7 @@ from pathlib import Path
 import sys
 from typing import Optional, TYPE_CHECKING
 
-from puretf import Frame
-from puretf.formatting import exact_time, in_seconds, shortened, suggest_names, visible
+from puretf import exact_time, Frame, in_seconds, shortened, suggest_names, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError

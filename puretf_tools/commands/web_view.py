@@ -8,8 +8,8 @@ from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
+from puretf import namespace_path, visible
 from puretf.bag import BagError
-from puretf.formatting import namespace_path, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST

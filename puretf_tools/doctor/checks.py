@@ -10,10 +10,10 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame
-from puretf.formatting import (
+from puretf import (
     comma_list,
     exact_time,
+    Frame,
     is_slip,
     quoted,
     SECOND,

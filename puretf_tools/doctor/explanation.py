@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from itertools import takewhile
 from typing import NamedTuple, TYPE_CHECKING
 
-from puretf import Frame
-from puretf.formatting import exact_time, in_seconds, shortened, visible
+from puretf import exact_time, Frame, in_seconds, shortened, visible
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
 from puretf_tools.inspection.traffic import rate_of

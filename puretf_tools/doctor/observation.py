@@ -11,8 +11,8 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
+from puretf import comma_list, namespace_path, SECOND
 from puretf.bag import Headers, messages, missing_part, NOT_RECORDED, Paths, Topic
-from puretf.formatting import comma_list, namespace_path, SECOND
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Half, halves, OtherTopic, Sender

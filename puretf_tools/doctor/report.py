@@ -4,8 +4,8 @@ from collections.abc import Callable, Collection, Sequence
 import os
 from typing import Any, NamedTuple, Optional, Union
 
+from puretf import comma_list, see, shortened, suggest_names, visible
 from puretf.bag import Paths
-from puretf.formatting import comma_list, see, shortened, suggest_names, visible
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
 from puretf_tools.doctor.message_times import Verdict
 from puretf_tools.doctor.observation import name_of, Observation, observe_bag, ReadRobots, SHOWN

@@ -13,7 +13,7 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf.formatting import SECOND, shortened
+from puretf import SECOND, shortened
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.inspection.traffic import Counts, DELAYS, rate
 

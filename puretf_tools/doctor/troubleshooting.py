@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-from puretf.formatting import SECTION_NAMES, suggest_names
+from puretf import SECTION_NAMES, suggest_names
 from puretf_tools.doctor.checks import CHECKS
 from puretf_tools.inspection.terminal import columns, wrapped
 

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from puretf.formatting import SECOND
+from puretf import SECOND
 from puretf.publisher_listener import TopicReader, UNKNOWN
 from puretf_tools.inspection.feeds import Sender, Senders
 

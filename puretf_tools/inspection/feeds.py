@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from puretf.formatting import comma_list, may_be_one_robot, namespace_distance, quoted
+from puretf import comma_list, may_be_one_robot, namespace_distance, quoted
 
 #: The largest number of nodes in a text, of publishers of a topic, and of joints of one of them.
 _SHOWN, _MOST_PUBLISHERS, _MOST_NAMES = 5, 1000, 10_000

@@ -9,8 +9,7 @@ import sys
 from tempfile import TemporaryFile
 from typing import Optional
 
-from puretf import Frame
-from puretf.formatting import display_time, dot_quoted, exact_time, in_seconds, visible_name
+from puretf import display_time, dot_quoted, exact_time, Frame, in_seconds, LONGEST_NAME, shortened
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.traffic import rate_of
 
@@ -72,7 +71,7 @@ def _edge_label(frame: Frame) -> str:
 
 
 def _label(text: str) -> str:
-    text = '\n'.join(visible_name(line) for line in text.split('\n'))
+    text = '\n'.join(shortened(line, LONGEST_NAME) for line in text.split('\n'))
     for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
                                ('\n', '\\n')):
         text = text.replace(character, escaped)

@@ -9,8 +9,8 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from puretf import TF_MESSAGE
 from puretf.bag import Headers
-from puretf.formatting import TF_MESSAGE
 from puretf.publisher_listener import node_of
 
 #: The time between two searches for topics (s).

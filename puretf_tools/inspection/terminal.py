@@ -2,7 +2,7 @@
 Output to a terminal: whether stdout is one, its size and escapes, and the width of texts.
 
 Control characters in names are escaped before names are printed: see `visible` of
-`puretf.formatting`.
+`puretf`.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from textwrap import wrap
 from typing import Optional
 from unicodedata import combining, east_asian_width
 
-from puretf.formatting import LONGEST
+from puretf import LONGEST
 
 #: A number that is no part of a name.
 _NUMBER = re.compile(r'(?<![\w./-])-?\d+(\.\d+)?(?!\w)')

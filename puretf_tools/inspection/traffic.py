@@ -8,8 +8,7 @@ from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame, is_too_long
-from puretf.formatting import in_seconds, SECOND
+from puretf import Frame, in_seconds, is_too_long, SECOND
 from puretf.transform_table import Message, transform_tables, TransformTable
 
 if TYPE_CHECKING:

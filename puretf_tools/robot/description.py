@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, NoReturn, Optional, Union
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from puretf.formatting import abbreviated, comma_list, quoted, suggest_names, visible
+from puretf import abbreviated, comma_list, quoted, suggest_names, visible
 from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
 
 #: x, y, z (m) and the quaternion x, y, z, w.

@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from puretf.formatting import SECOND
+from puretf import SECOND
 from puretf.publisher_listener import node_of, TopicReader
 from puretf_tools.inspection.feeds import Sender, Senders
 from puretf_tools.inspection.robots import joint_states_of, Robot

@@ -5,7 +5,7 @@ from itertools import islice
 from time import monotonic
 from typing import Any, Optional, TYPE_CHECKING
 
-from puretf.formatting import comma_list, full_name, in_log
+from puretf import comma_list, full_name, shortened
 from puretf_tools.cli.parser import UsageError
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
@@ -92,11 +92,11 @@ class JointStatePublisher(JointControls):
         #: The topic of the description; '': it is given.
         self._source = '' if description else node.resolve_topic_name(TOPIC)
         self.why_none = (
-            f'No robot description has arrived on {in_log(self._source)}: start '
+            f'No robot description has arrived on {shortened(self._source)}: start '
             'robot_state_publisher FILE, or pass FILE to joint_state_publisher, too.')
         if not description:
             node.get_logger().info(
-                f'waiting for a robot description on {in_log(self._source)}')
+                f'waiting for a robot description on {shortened(self._source)}')
         self._next, self._warned = 0.0, ''
         node.create_timer(1.0 / rate, self._publish)
 
@@ -130,7 +130,7 @@ class JointStatePublisher(JointControls):
         own = self._node.get_fully_qualified_name()
         if own in names:
             names.remove(own)
-        return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}, too: '
+        return (f'{comma_list(sorted(names), 5, shortened)} publishes on {shortened(topic)}, too: '
                 'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
                 ) if names else ''
 
@@ -231,9 +231,9 @@ class JointCommanders(JointControls):
         from puretf.publisher_listener import node_of
         for topic in map(joint_states_of, descriptions):
             if names := {node_of(info) for info in self._node.get_publishers_info_by_topic(topic)}:
-                return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}: '
-                        'joint_state_publisher has its sliders on its own page; other nodes can '
-                        'be moved if they listen to a topic joint_command.')
+                return (f'{comma_list(sorted(names), 5, shortened)} publishes on '
+                        f'{shortened(topic)}: joint_state_publisher has its sliders on its own page; '
+                        'other nodes can be moved if they listen to a topic joint_command.')
         return ('No node listens to a topic joint_command. To move the joints of a robot, start '
                 'joint_state_publisher FILE.')
 

@@ -17,8 +17,15 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from puretf import StaticTransformBroadcaster, Transform, TransformBroadcaster
-from puretf.formatting import comma_list, in_log, quoted, SECOND
+from puretf import (
+    comma_list,
+    quoted,
+    SECOND,
+    shortened,
+    StaticTransformBroadcaster,
+    Transform,
+    TransformBroadcaster,
+)
 from puretf.publisher_listener import node_of
 from puretf_tools.robot.description import Description, DescriptionError, parse
 from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
@@ -128,7 +135,7 @@ class RobotStatePublisher(Node):
     def _state_publishers(self) -> str:
         topic = self._states.topic_name
         names = {node_of(info) for info in self.get_publishers_info_by_topic(topic)}
-        return (f'; publishers of {in_log(topic)}: {comma_list(sorted(names), 5, in_log)}'
+        return (f'; publishers of {shortened(topic)}: {comma_list(sorted(names), 5, shortened)}'
                 if names else '')
 
     def _warn_of_description(self) -> None:

@@ -8,8 +8,7 @@ from shlex import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame
-from puretf.formatting import comma_list, exact_time, visible
+from puretf import comma_list, exact_time, Frame, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.feed import Feed

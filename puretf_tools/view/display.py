@@ -6,7 +6,7 @@ from typing import Any, Optional
 
 import viser
 
-from puretf.formatting import abbreviated, visible
+from puretf import abbreviated, visible
 from puretf_tools.view.body import BodyDisplay
 from puretf_tools.view.controls import change, within
 from puretf_tools.view.details import STYLE

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from time import monotonic
 from typing import NamedTuple, Optional, TYPE_CHECKING, Union
 
-from puretf import Frame, TransformBuffer
-from puretf.formatting import SECOND
+from puretf import Frame, SECOND, TransformBuffer
 from puretf_tools.inspection.traffic import rate_of, Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls

@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterable
 from math import inf
 from time import monotonic
 
-from puretf import Frame
-from puretf.formatting import in_seconds
+from puretf import Frame, in_seconds
 from puretf_tools.inspection.forest import descend, self_and_ancestors
 
 #: A frame of this age (s) is not drawn, as by default in rviz2 ("Frame Timeout").

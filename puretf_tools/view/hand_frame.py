@@ -7,8 +7,7 @@ from typing import Any, Optional
 
 import viser
 
-from puretf import is_too_long, Transform
-from puretf.formatting import suggest_names, visible, visible_name
+from puretf import is_too_long, shortened, suggest_names, Transform, visible
 from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.view.controls import change, FrameChoice
@@ -164,7 +163,7 @@ def _problem(transform: Transform, placement: Placement, can_be_published: bool)
     if name.startswith('/'):
         return f'the name {name} begins with a slash, which tf2 does not allow'
     if parent not in placement.names:
-        return (f'the parent {visible_name(parent)} does not exist. '
+        return (f'the parent {shortened(parent)} does not exist. '
                 f'{suggest_names(parent, tuple(placement.names))}' if parent else
                 'choose a parent')
     if name == parent:

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from puretf import Transform
-from puretf.formatting import visible
+from puretf import Transform, visible
 from puretf_tools.inspection.forest import self_and_ancestors
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from typing import Any, Optional
 import numpy as np
 import viser
 
-from puretf import Transform
-from puretf.formatting import exact_time, SECOND
+from puretf import exact_time, SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import FrameChoice

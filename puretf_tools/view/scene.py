@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import trimesh
 import viser
 
-from puretf.formatting import comma_list, visible_name
+from puretf import comma_list, shortened
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.body import Body, BodyDisplay
 from puretf_tools.view.display import VIEWS
@@ -213,7 +213,7 @@ def _grid(cell: float) -> NDArray[np.float64]:
 def _texts(placement: Placement, display: Display) -> list[str]:
     """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
     shown = display.shown(placement)
-    texts = [_cut(visible_name(name)) if name in shown else '' for name in placement.names]
+    texts = [_cut(shortened(name)) if name in shown else '' for name in placement.names]
     label_of = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
         if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 import viser
 
-from puretf.formatting import visible_name
+from puretf import LONGEST_NAME, shortened
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import change
@@ -158,8 +158,8 @@ class Tree:
                 button.on_click(self._on_click)
                 self._buttons.append(button)
         for button, row in zip(self._buttons, self._rows):
-            change(button, label=row.text, color=row.colour, hint=visible_name(row.name),
-                   visible=True)
+            change(button, label=row.text, color=row.colour,
+                   hint=shortened(row.name, LONGEST_NAME), visible=True)
         for button in self._buttons[len(self._rows):]:
             change(button, visible=False)
 
@@ -184,7 +184,7 @@ class Tree:
             colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
                       or frame.is_static else next(
                           colour for colour, age in _COLOURS if silence <= age))
-            text = _row_text(min(line.level - top, _DEEPEST), visible_name(line.name), rate,
+            text = _row_text(min(line.level - top, _DEEPEST), shortened(line.name), rate,
                              _SELECTED if line.name == selected else '')
             yield _Row(line.name, text, colour)
 

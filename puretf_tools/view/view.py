@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 import viser
 
-from puretf.formatting import SECOND
+from puretf import SECOND
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS

@@ -355,7 +355,8 @@ def test_times_in_no_order(tmp_path, kind):
             *texts(kind, 1, 300_000)]  # so that there are several chunks
     for topic, _, rows, *_ in sorted(content, key=lambda message: message[1]):
         for row in rows if topic != '/text' else ():
-            buffer.insert(*row, 'not recorded', topic == '/tf_static')
+            stamp, parent, child, pose = row
+            buffer.insert(stamp, parent, child, pose, 'not recorded', topic == '/tf_static')
     assert read(bags.make(tmp_path, kind, content)).dump() == buffer.dump()
 
 
@@ -454,7 +455,7 @@ def test_control_characters_of_a_bag(tmp_path):
     error = outcome(path)
     assert error.isprintable()
     assert '\\x1b[2J' in error
-    assert '(201 characters)' in error
+    assert 'x...x' in error
 
 
 @pytest.mark.parametrize('partial', [False, True])

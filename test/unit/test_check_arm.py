@@ -20,7 +20,7 @@ from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK
 from dummy_arm.grading.requirements import FRAMES
-from puretf.formatting import visible
+from puretf import visible
 from puretf_tools.cli.signals import record_signals
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from messages import fail_on_error, written
 import pytest
 
-from puretf import TransformBuffer, TransformException
+from puretf import abbreviated, shortened, TransformBuffer, TransformException, visible
 from puretf._core import texts
 from puretf._core.engine import engine_of
 from puretf._core.frames import as_string, Frame
@@ -19,7 +19,6 @@ from puretf._core.history import History
 from puretf._core.pose import Row
 from puretf._wire import cdr, ros1
 from puretf._wire.message_reader import MessageReader
-from puretf.formatting import abbreviated, in_log, visible, visible_lines
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -294,7 +293,6 @@ def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
     assert lengths(buffer) == {'tool': 1}
     (text,) = logged_texts(logs)
     assert 'has 1000000 bytes' in text
-    assert '(1000000 characters)' in text
 
 
 HOSTILE = '\x1b[2J\r\n\x07' + 'x' * 200 + '\udc80\u202e'
@@ -322,15 +320,14 @@ def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, log
     assert all(line.isprintable() for line in text.split('\n'))
     assert text.count('\n') == (cause == 'TF_OLD_DATA')
     assert r'\x1b[2J\r\n\x07' in text
-    assert f'...{"x" * 46}\\udc80\\u202e ({len(HOSTILE)} characters)' in text
+    assert f'...{"x" * 46}\\udc80\\u202e' in text
     assert len(text) < 900
 
 
 def test_texts():
     """Names are escaped as in Python, and abbreviated in the middle."""
     assert visible('a\tb\x1b[31m\udcff\u200b√') == r'a\tb\x1b[31m\udcff\u200b√'
-    assert visible_lines('a\x00\nb\x7f') == '\n'.join((r'a\x00', r'b\x7f'))
-    assert abbreviated('x' * 100) == in_log('x' * 100) == 'x' * 100
+    assert abbreviated('x' * 100) == shortened('x' * 100) == 'x' * 100
 
 
 @pytest.fixture

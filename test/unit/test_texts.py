@@ -2,9 +2,8 @@
 
 import pytest
 
-from puretf import ConnectivityException, TransformBuffer
+from puretf import ConnectivityException, is_slip, near_names, shortened, TransformBuffer
 from puretf._core.texts import difference
-from puretf.formatting import is_slip, near_names, shortened
 
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 #: Two names of one frame, and by what they differ.

@@ -7,10 +7,9 @@ from pages import PAGES
 import pytest
 from recorded import observed, S, T, tf
 
-from puretf import TransformBuffer, TransformException
+from puretf import SECTION_NAMES, TransformBuffer, TransformException
 from puretf._core.engine import engine_of
 from puretf._core.hints import Blocked, Publisher, Surroundings
-from puretf.formatting import SECTION_NAMES
 from puretf_tools.commands.tf_doctor import main
 from puretf_tools.doctor import examine
 from puretf_tools.doctor.checks import CHECKS
