@@ -179,8 +179,8 @@ def _elsewhere(around: Surroundings, name: str, roots: Collection[str], known: C
     if edge is None:
         return ''
     text = (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on '
-            f'{shortened(edge.topic)} by {comma_list(edge.nodes, MAX_TOPICS, shortened)}, but this '
-            f'listener is on {" and ".join(around.topics[::-1])}.')
+            f'{shortened(edge.topic)} by {comma_list(edge.nodes, MAX_TOPICS, shortened)}, but '
+            f'this listener is on {" and ".join(around.topics[::-1])}.')
     if len(around.topics) == 1 and own == edge.base:
         return f'{text} Use a TransformListener.{see("A frame does not exist")}'
     # Another robot has frames of the same names.
