@@ -14,9 +14,7 @@ import sys
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
-import filtering
 from geometry_msgs.msg import TransformStamped
-import hostile
 import listening
 import lookups
 from measure import best, imports, Row
@@ -44,7 +42,6 @@ def main() -> None:
     print(f'Python {sys.version.split()[0]}, numpy {np.__version__}, {os.cpu_count()} cores; '
           f'u = {u * 1e6:.1f} µs')
     table('Listening', listening.over_dds())
-    table('Messages that wait for their transforms', filtering.rows())
     table('Looking up', lookups.rows(u), lookups.beside_rust())
     lookups.plot(sys.argv[1])
     table('Publishing', sending.rows(rclpy.create_node('bench'), u), sending.other_type(u),
@@ -54,7 +51,6 @@ def main() -> None:
     table('One message at a time', listening.into_the_buffer(u))
     table('The web page', viewing.placing(), viewing.showing())
     table('Import', imports())
-    table('Hostile publishers', hostile.rows(), hostile.memory())
     rclpy.shutdown()
 
 

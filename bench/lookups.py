@@ -16,9 +16,8 @@ import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from puretf import Buffer, TransformBuffer
+from puretf import Buffer, Transform, TransformBuffer
 from puretf._core.pose import Pose
-from puretf.buffer_core import to_message
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -58,7 +57,8 @@ def rows(u: float) -> Iterator[Row]:
         real = tf2_ros.Buffer(CACHE)
 
         def insert(stamp: int, parent: str, child: str, pose: Pose) -> None:
-            real.set_transform(to_message(parent, child, (stamp, pose)), 'bench')
+            real.set_transform(
+                Transform(stamp, parent, child, pose[:3], pose[3:]).to_message(), 'bench')
 
         fill(insert, 5, 10_000, 1000)
         yield from lookup_rows(real, 'tf2_ros', newest - between, u)
@@ -74,7 +74,8 @@ def rows(u: float) -> Iterator[Row]:
             'frame_0', 'frame_5', asked)) / MANY  # noqa: B023
         yield (f'{MANY} lookups in one call, times {name}, each', *cost(seconds, u),
                f'{seconds / reference:.3f} of the newest')
-    message = to_message('frame_0', 'frame_1', (T + 11 * S, pose(0, 1000)))
+    new = pose(0, 1000)
+    message = Transform(T + 11 * S, 'frame_0', 'frame_1', new[:3], new[3:]).to_message()
     seconds = best(lambda: buffer.set_transform(message, 'bench'))
     yield 'set_transform', *cost(seconds, u), ''
 

@@ -7,7 +7,7 @@ from typing import Any
 from sphinx.util.logging import getLogger
 
 import puretf
-from puretf import bag, formatting
+from puretf import bag
 from puretf_tools import doctor, robot
 
 _metadata = metadata('dummy_arm')
@@ -73,7 +73,7 @@ def _link_to_name(match: re.Match[str]) -> str:
 def _find_missing_names(_app: Any, environment: Any) -> None:
     """Warn of public names that the reference lacks."""
     found = environment.domains.python_domain.objects
-    for module in doctor, robot, puretf, bag, formatting:
+    for module in doctor, robot, puretf, bag:
         for name in module.__all__:
             if f'{module.__name__}.{name}' not in found:
                 getLogger(__name__).warning('%s.%s is not in the reference', module.__name__, name)

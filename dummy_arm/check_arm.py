@@ -16,13 +16,13 @@ from dummy_arm.grading.observer import MOST, Observer, START
 from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RUN, OK, Report
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.supervisor import DOMAINS
+from puretf import visible
 from puretf.bag import messages
-from puretf.formatting import visible
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import wait
-from puretf_tools.inspection.terminal import padded, wrapped
+from puretf_tools.inspection.terminal import columns, wrapped
 
 #: The default and the largest time to observe an arm (s). The default is more than a period of the
 #: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
@@ -144,7 +144,7 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
                 wait(seconds, 'observing the arm', lambda: observer.poll() and False)
             elif not observer.messages:
                 raise CommandError(f'no transform was received within {START:g} s. '
-                                   f'{observer.listener.why_no_frames()}')
+                                   f'{observer.listener.why_nothing()}')
             if hint := observer.listener.wrong_type_hint():
                 print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
             return observer.report()
@@ -175,15 +175,14 @@ def _check_bag(bag: Sequence[str], namespace: str, partial: bool) -> Report:
 def format_report(report: Report) -> list[str]:
     """Return the lines of the table of a report, with the verdict first."""
     rows = [*report.lines, *report.advice]
-    widths = [max(len(row[i]) for row in rows) for i in (2, 0)]
+    table = columns([(row.verdict, row.requirement, row.text if row.verdict == NOT_JUDGED else
+                      row.measured) for row in rows])
     lines: list[str] = []
-    for i, row in enumerate(rows):
+    for i, (row, line) in enumerate(zip(rows, table)):
         if i == len(report.lines):
             lines += ['', 'good practice (it does not change the result):']
-        is_judged = row.verdict != NOT_JUDGED
-        lines.append(f'{padded(row.verdict, widths[0])}  {padded(row.requirement, widths[1])}  '
-                     f'{row.measured if is_judged else row.text}'.rstrip())
-        if row.text and is_judged:
+        lines.append(line)
+        if row.text and row.verdict != NOT_JUDGED:
             lines += wrapped(row.text, '    ')
     counts = {verdict: sum(row.verdict == verdict for row in report.lines)
               for verdict in (OK, NOT_OK, NOT_JUDGED)}

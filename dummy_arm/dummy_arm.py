@@ -12,7 +12,6 @@ from itertools import pairwise
 import math
 from typing import Optional
 
-from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ROSClock
 from rclpy.clock_type import ClockType
@@ -20,12 +19,21 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from dummy_arm.arm import Arm, Wave
-from puretf import PreparedTransforms, StaticTransformBroadcaster, TransformBroadcaster
-from puretf.formatting import comma_list, in_log, quoted, SECOND, suggest_names
+from puretf import (
+    comma_list,
+    PreparedTransforms,
+    quoted,
+    shortened,
+    StaticTransformBroadcaster,
+    suggest_names,
+    Transform,
+    TransformBroadcaster,
+)
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 
@@ -85,7 +93,7 @@ def command_problem(command: JointState, limits: dict[str, float]) -> Optional[s
     :param limits: the limit of each joint (rad).
     """
     if len(command.name) != len(command.position):
-        names = comma_list(command.name, 5, in_log) or 'none'
+        names = comma_list(command.name, 5, shortened) or 'none'
         return (f'it has {len(command.position)} positions for {len(command.name)} joints '
                 f'({names}); each joint needs one')
     for name, position in zip(command.name, command.position):
@@ -120,18 +128,16 @@ class DummyArm(Node):
 
         prefix = self.get_parameter(PREFIX).value
         frames = [prefix + frame for frame in self._arm.frames]
-        base = TransformStamped(child_frame_id=frames[0])
-        base.header.stamp = self.get_clock().now().to_msg()
-        base.header.frame_id = MAP
         self._static = StaticTransformBroadcaster(self)
-        self._static.sendTransform(base)
-        self._published = [f'{MAP} -> {in_log(frames[0])} on {self._static.pub_tf.topic_name}']
+        self._static.sendTransform(Transform(
+            self.get_clock().now().nanoseconds, MAP, frames[0]).to_message())
+        self._published = [f'{MAP} -> {shortened(frames[0])} on {self._static.pub_tf.topic_name}']
         self._transforms: Optional[PreparedTransforms] = None
         if self.get_parameter('publish_tf').value:
             broadcaster = TransformBroadcaster(self)
             self._transforms = broadcaster.prepare(list(pairwise(frames)))
             self._published.append(
-                f'{" -> ".join(map(in_log, frames))} on {broadcaster.pub_tf.topic_name}')
+                f'{" -> ".join(map(shortened, frames))} on {broadcaster.pub_tf.topic_name}')
         self._angles: Optional[Publisher] = None
         self._state = JointState(name=[joint.name for joint in self._arm.joints])
         if self.get_parameter('publish_joint_states').value:
@@ -253,7 +259,7 @@ class DummyArm(Node):
         if self._transforms:
             self._transforms.send(now_ns, self._arm.poses_at(angles))
         if self._angles:
-            self._state.header.stamp.sec, self._state.header.stamp.nanosec = divmod(now_ns, SECOND)
+            self._state.header.stamp = Time(nanoseconds=now_ns).to_msg()
             self._state.position = angles
             self._angles.publish(self._state)
 

@@ -17,12 +17,11 @@ from collections.abc import Sequence
 from math import cos, isfinite, sin
 from typing import Optional
 
-from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from puretf import TransformBroadcaster
+from puretf import Transform, TransformBroadcaster
 from puretf.rotations import quaternion_from_euler
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
@@ -64,21 +63,9 @@ class DynamicTfPublisher(Node):
 
     def publish(self) -> None:
         """Publish the current pose of moving_frame in map."""
-        message = TransformStamped(child_frame_id='moving_frame')
-        message.header.frame_id = 'map'
-        message.header.stamp = self.get_clock().now().to_msg()
-
-        message.transform.translation.x = cos(self.angle)
-        message.transform.translation.y = sin(self.angle)
-        message.transform.translation.z = 0.0
-
-        x, y, z, w = self.rotation()
-        message.transform.rotation.x = x
-        message.transform.rotation.y = y
-        message.transform.rotation.z = z
-        message.transform.rotation.w = w
-
-        self.broadcaster.sendTransform(message)
+        self.broadcaster.sendTransform(Transform(
+            self.get_clock().now().nanoseconds, 'map', 'moving_frame',
+            (cos(self.angle), sin(self.angle), 0.0), self.rotation()).to_message())
         self.angle += STEP
 
     def rotation(self) -> tuple[float, float, float, float]:

@@ -9,12 +9,33 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from puretf._core.frames import dot_quoted as dot_quoted
     from puretf._core.frames import Frame as Frame
     from puretf._core.frames import is_too_long as is_too_long
+    from puretf._core.frames import LONGEST_NAME as LONGEST_NAME
+    from puretf._core.texts import abbreviated as abbreviated
+    from puretf._core.texts import comma_list as comma_list
+    from puretf._core.texts import full_name as full_name
+    from puretf._core.texts import is_slip as is_slip
+    from puretf._core.texts import LONGEST as LONGEST
+    from puretf._core.texts import may_be_one_robot as may_be_one_robot
+    from puretf._core.texts import namespace_distance as namespace_distance
+    from puretf._core.texts import namespace_path as namespace_path
+    from puretf._core.texts import near_names as near_names
+    from puretf._core.texts import quoted as quoted
+    from puretf._core.texts import SECTION_NAMES as SECTION_NAMES
+    from puretf._core.texts import see as see
+    from puretf._core.texts import shortened as shortened
+    from puretf._core.texts import suggest_names as suggest_names
+    from puretf._core.texts import TF_MESSAGE as TF_MESSAGE
+    from puretf._core.texts import visible as visible
+    from puretf._core.times import display_time as display_time
+    from puretf._core.times import exact_time as exact_time
+    from puretf._core.times import in_seconds as in_seconds
+    from puretf._core.times import SECOND as SECOND
     from puretf._ros.messages import TFMessage as TFMessage
     from puretf.buffer import Buffer as Buffer
     from puretf.buffer_core import BufferCore as BufferCore
-    from puretf.buffer_core import MessageBufferCore as MessageBufferCore
     from puretf.buffer_interface import BufferInterface as BufferInterface
     from puretf.buffer_interface import convert as convert
     from puretf.buffer_interface import ConvertRegistration as ConvertRegistration
@@ -47,44 +68,34 @@ if TYPE_CHECKING:
     )
     from puretf.transform_listener import TransformListener as TransformListener
 
-_MODULES = {
-    'Buffer': 'buffer',
-    'BufferCore': 'buffer_core',
-    'BufferInterface': 'buffer_interface',
-    'ConnectivityException': 'exceptions',
-    'convert': 'buffer_interface',
-    'ConvertRegistration': 'buffer_interface',
-    'ExtrapolationException': 'exceptions',
-    'FilterFailureReason': 'message_filter',
-    'Frame': '_core.frames',
-    'InvalidArgumentException': 'exceptions',
-    'is_too_long': '_core.frames',
-    'LookupException': 'exceptions',
-    'MessageBufferCore': 'buffer_core',
-    'MessageFilter': 'message_filter',
-    'MsgStamped': 'buffer_interface',
-    'NotImplementedException': 'buffer_interface',
-    'PreparedTransforms': 'transform_broadcaster',
-    'PyKDLType': 'buffer_interface',
-    'Stamped': 'buffer_interface',
-    'StaticTransformBroadcaster': 'static_transform_broadcaster',
-    'StaticTransformListener': 'transform_listener',
-    'TFMessage': '_ros.messages',
-    'TimeoutException': 'exceptions',
-    'Transform': 'transform',
-    'TransformableObject': 'buffer_interface',
-    'TransformableObjectType': 'buffer_interface',
-    'TransformBroadcaster': 'transform_broadcaster',
-    'TransformBuffer': 'transform_buffer',
-    'TransformException': 'exceptions',
-    'TransformListener': 'transform_listener',
-    'TransformRegistration': 'buffer_interface',
-    'Twist': 'transform',
-    'TypeException': 'buffer_interface',
+#: The public names of each module.
+_NAMES = {
+    '_core.frames': 'dot_quoted Frame is_too_long LONGEST_NAME',
+    '_core.texts':
+        'abbreviated comma_list full_name is_slip LONGEST may_be_one_robot namespace_distance '
+        'namespace_path near_names quoted SECTION_NAMES see shortened suggest_names TF_MESSAGE '
+        'visible',
+    '_core.times': 'display_time exact_time in_seconds SECOND',
+    '_ros.messages': 'TFMessage',
+    'buffer': 'Buffer',
+    'buffer_core': 'BufferCore',
+    'buffer_interface':
+        'BufferInterface convert ConvertRegistration MsgStamped NotImplementedException PyKDLType '
+        'Stamped TransformableObject TransformableObjectType TransformRegistration TypeException',
+    'exceptions':
+        'ConnectivityException ExtrapolationException InvalidArgumentException LookupException '
+        'TimeoutException TransformException',
+    'message_filter': 'FilterFailureReason MessageFilter',
+    'static_transform_broadcaster': 'StaticTransformBroadcaster',
+    'transform': 'Transform Twist',
+    'transform_broadcaster': 'PreparedTransforms TransformBroadcaster',
+    'transform_buffer': 'TransformBuffer',
+    'transform_listener': 'StaticTransformListener TransformListener',
 }
-_PUBLIC_MODULES = {module for module in _MODULES.values() if not module.startswith('_')}
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+_PUBLIC_MODULES = {module for module in _NAMES if not module.startswith('_')}
 
-__all__ = [*_MODULES]
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:

@@ -17,16 +17,14 @@ from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
 from puretf._core.buffer_base import debug_tuple
-from puretf._core.hints import clock_publishers, hint_at_duration
+from puretf._core.hints import clock_publishers
 from puretf._core.times import nanoseconds, SECOND
-from puretf._core.waiting import wait, why_not
 from puretf._ros.futures import PendingFutures
 from puretf._ros.graph import nodes_on
 from puretf._ros.messages import FrameGraph
 from puretf._ros.qos import check_node
-from puretf.buffer_core import BufferCore, to_message
+from puretf.buffer_core import BufferCore
 from puretf.buffer_interface import BufferInterface, NO_WAIT
-from puretf.exceptions import TransformException
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -88,15 +86,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        if timeout is NO_WAIT:
-            return self.lookup_transform_core(target_frame, source_frame, time)
-        try:
-            return to_message(target_frame, source_frame, wait(
-                self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame,
-                source_frame, nanoseconds(time)))
-        except TransformException as error:
-            hint_at_duration(error, time)
-            raise
+        return self._lookup(target_frame, source_frame, time, _seconds(timeout))
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
@@ -118,13 +108,8 @@ class Buffer(BufferCore, BufferInterface):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        try:
-            return to_message(target_frame, source_frame, wait(
-                self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
-                nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
-        except TransformException as error:
-            hint_at_duration(error, target_time, source_time)
-            raise
+        return self._lookup_full(target_frame, target_time, source_frame, source_time,
+                                 fixed_frame, _seconds(timeout))
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
@@ -172,11 +157,7 @@ class Buffer(BufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = why_not(
-            self._engine, _seconds(timeout), self._engine.lookups.check, target_frame,
-            source_frame, nanoseconds(time))
-        if error is not None:
-            hint_at_duration(error, time)
+        error = self._why_not(target_frame, source_frame, time, _seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(
@@ -197,11 +178,8 @@ class Buffer(BufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = why_not(
-            self._engine, _seconds(timeout), self._engine.lookups.check_full, target_frame,
-            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame)
-        if error is not None:
-            hint_at_duration(error, target_time, source_time)
+        error = self._why_not_full(target_frame, target_time, source_frame, source_time,
+                                   fixed_frame, _seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
@@ -247,7 +225,7 @@ class Buffer(BufferCore, BufferInterface):
 
 
 def _seconds(timeout: Duration) -> float:
-    return nanoseconds(timeout, 'timeout') / SECOND
+    return 0.0 if timeout is NO_WAIT else nanoseconds(timeout, 'timeout') / SECOND
 
 
 # The callbacks of the node and of its clock. The callbacks hold weak references to the buffer, so

@@ -12,14 +12,11 @@ except ModuleNotFoundError as error:
 
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.frames import as_dot
-from puretf._core.hints import hint_at_duration
 from puretf._core.pose import Pose
-from puretf._core.times import nanoseconds, SECOND
+from puretf._core.times import nanoseconds, SECOND, split
 from puretf._core.velocity import tf2_velocity
-from puretf._core.waiting import why_not
 from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
-from puretf.exceptions import TransformException
-from puretf.transform import Transform, Vector
+from puretf.transform import Vector
 
 _LATEST = Time()
 
@@ -59,7 +56,8 @@ class BufferCore(BufferBase):
         :raises ValueError: if a field of the transform has a value of a wrong type, or a number
             that does not fit the field.
         """
-        self._set(transform, authority, False)
+        with explain_bad_fields([transform], accepts_clock_time=True):
+            self._engine.insert(*row_of(transform), authority, False)
 
     def set_transform_static(self, transform: TransformStamped,
                              authority: str = 'default_authority') -> None:
@@ -68,15 +66,13 @@ class BufferCore(BufferBase):
 
         The stamp of the transform is not used.
         """
-        self._set(transform, authority, True)
-
-    def _set(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
-        if isinstance(transform, Transform):
-            raise TypeError(
-                f'a {type(self).__name__} takes a TransformStamped, got a Transform; a '
-                'TransformBuffer takes Transforms')
         with explain_bad_fields([transform], accepts_clock_time=True):
-            self._engine.insert(*row_of(transform), authority, is_static)
+            self._engine.insert(*row_of(transform), authority, True)
+
+    _ns = staticmethod(nanoseconds)
+
+    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> TransformStamped:
+        return message_of_fields((*split(stamp), target, source, pose))
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
                               ) -> TransformStamped:
@@ -89,12 +85,7 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        try:
-            return to_message(target_frame, source_frame, self._engine.read(
-                self._engine.lookups.pose, target_frame, source_frame, nanoseconds(time)))
-        except TransformException as error:
-            hint_at_duration(error, time)
-            raise
+        return self._lookup(target_frame, source_frame, time)
 
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                    source_time: Time, fixed_frame: str) -> TransformStamped:
@@ -114,13 +105,8 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        try:
-            return to_message(target_frame, source_frame, self._engine.read(
-                self._engine.lookups.pose_full, target_frame, nanoseconds(target_time),
-                source_frame, nanoseconds(source_time), fixed_frame))
-        except TransformException as error:
-            hint_at_duration(error, target_time, source_time)
-            raise
+        return self._lookup_full(
+            target_frame, target_time, source_frame, source_time, fixed_frame)
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:
@@ -133,12 +119,7 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        error = why_not(
-            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame,
-            nanoseconds(time))
-        if error is not None:
-            hint_at_duration(error, time)
-        return debug_tuple(error)
+        return debug_tuple(self._why_not(target_frame, source_frame, time))
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
@@ -154,12 +135,8 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        error = why_not(
-            self._engine, 0.0, self._engine.lookups.check_full, target_frame,
-            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame)
-        if error is not None:
-            hint_at_duration(error, target_time, source_time)
-        return debug_tuple(error)
+        return debug_tuple(self._why_not_full(
+            target_frame, target_time, source_frame, source_time, fixed_frame))
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """
@@ -171,8 +148,9 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no path.
         :raises TypeError: if a frame is not a str.
         """
-        return Time(nanoseconds=self._engine.read(
-            self._engine.lookups.latest_common_time, target_frame, source_frame))
+        with self._engine.reading():
+            return Time(nanoseconds=self._engine.lookups.latest_common_time(
+                target_frame, source_frame))
 
     def lookupVelocityCore(  # noqa: N802
             self, tracking_frame: str, observation_frame: str, time: Time,
@@ -217,21 +195,19 @@ class BufferCore(BufferBase):
         :returns: as `lookupVelocityCore`.
         """
         x, y, z = map(float, reference_point)
-        return self._engine.read(
-            tf2_velocity, self._engine.lookups, tracking_frame, observation_frame, reference_frame,
-            (x, y, z), reference_point_frame, nanoseconds(time),
-            nanoseconds(averaging_interval, 'averaging_interval'))
+        with self._engine.reading():
+            return tf2_velocity(
+                self._engine.lookups, tracking_frame, observation_frame, reference_frame,
+                (x, y, z), reference_point_frame, nanoseconds(time),
+                nanoseconds(averaging_interval, 'averaging_interval'))
 
     def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
                fixed_frame: str) -> list[str]:
-        """
-        Return the frames on the path from the source frame to the target frame.
-
-        The path leads via the fixed frame.
-        """
-        return self._engine.read(
-            self._engine.lookups.chain, target_frame, nanoseconds(target_time), source_frame,
-            nanoseconds(source_time), fixed_frame)
+        """Return the frames on the path from the source via the fixed to the target frame."""
+        with self._engine.reading():
+            return self._engine.lookups.chain(
+                target_frame, nanoseconds(target_time), source_frame, nanoseconds(source_time),
+                fixed_frame)
 
     def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
         """Return tf2's DOT graph of all frames; if `time` is not zero, it shows transform ages."""
@@ -239,25 +215,8 @@ class BufferCore(BufferBase):
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
         """Return whether the buffer has a frame of this name."""
-        return self._engine.read(self._engine.tree.histories.__contains__, frame_id)
+        return frame_id in self.frame_names()
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
         """Return the names of all frames."""
         return self.frame_names()
-
-
-def to_message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> TransformStamped:
-    """
-    Convert the result of a lookup to a message.
-
-    :param target_frame: the frame in which the pose is expressed; the `frame_id` of the message.
-    :param source_frame: the frame whose pose was looked up; the `child_frame_id` of the message.
-    :param answer: the result of the lookup: the time (ns) and the pose. The pose is x, y, z (m)
-        and the quaternion x, y, z, w.
-    """
-    stamp, pose = answer
-    return message_of_fields((*divmod(stamp, SECOND), target_frame, source_frame, pose))
-
-
-#: The name that this class had while `BufferCore` was the buffer without ROS.
-MessageBufferCore = BufferCore

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from puretf._core.engine import engine_of
 from puretf._core.filter_queue import Entry, FilterQueue
 from puretf._core.filter_queue import FilterFailureReason as FilterFailureReason
-from puretf._core.texts import in_log, ThrottledLog, visible
+from puretf._core.texts import shortened, ThrottledLog, visible
 from puretf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
 from puretf._ros.qos import check_node
 from puretf._ros.rclpy_private import guard_condition, RCLError
@@ -178,9 +178,9 @@ class MessageFilter:
         elif oldest and (waited := new.arrival - oldest.arrival) > 2 * SECOND and (
                 self._log.is_due('waiting', 10.0)):
             self._log.write(
-                "Messages wait for their transforms. The oldest, of frame "
-                f"'{in_log(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited for "
-                f'{waited / SECOND:.1f} s.{self._why_not(oldest)}')
+                f"Messages wait for their transforms. The oldest, of frame "
+                f"'{shortened(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited "
+                f'for {waited / SECOND:.1f} s.{self._why_not(oldest)}')
         self._limit()
 
     def clear(self) -> None:
@@ -298,7 +298,7 @@ class MessageFilter:
     def _log_drop(self, entry: Entry) -> None:
         if self._log.is_due(entry.reason.name, 1.0):
             self._log.write(
-                f"Message Filter dropping message: frame '{in_log(entry.frame)}' at time "
+                f"Message Filter dropping message: frame '{shortened(entry.frame)}' at time "
                 f"{display_time(entry.stamp)} for reason '{_TEXTS[entry.reason]}'. Messages "
                 f'dropped for this reason: {self.dropped[entry.reason]}.{self._why_not(entry)}')
 

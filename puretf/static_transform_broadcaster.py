@@ -6,9 +6,10 @@ from typing import Optional, Union
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from puretf._ros.qos import check_node, create_publisher, profile
+from puretf._ros.qos import check_node, create_publisher, profile, TF_STATIC
 from puretf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from puretf._wire import cdr
 
@@ -22,16 +23,18 @@ class StaticTransformBroadcaster:
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
-                 tf_static_topic: str = '/tf_static') -> None:
+                 tf_static_topic: str = '/tf_static',
+                 qos_overriding_options: Optional[QoSOverridingOptions] = None) -> None:
         """
         Create the publisher; the remappings of the node apply.
 
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
             local profile. None means the same as the int 1.
+        :param qos_overriding_options: which policies parameters of the node can override.
         """
         check_node(node, 'StaticTransformBroadcaster(node)')
-        self.pub_tf = create_publisher(
-            node, tf_static_topic, profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self.pub_tf = create_publisher(node, tf_static_topic, profile(
+            1 if qos is None else qos, TF_STATIC), qos_overriding_options)
         self._sent: dict[str, cdr.Fields] = {}
         self._lock = RLock()  # because a signal handler may send, too
 
@@ -43,9 +46,19 @@ class StaticTransformBroadcaster:
         If a transform is invalid, an error is raised as by `TransformBroadcaster.sendTransform`,
         nothing is sent, and the transforms that were sent before stay in effect.
         """
-        transforms = as_list(transform)
+        self._send(as_list(transform), self._sent)
+
+    def replace(self, transforms: Iterable[TransformStamped]) -> None:
+        """
+        Send transforms in place of all that were sent before, which are not repeated any more.
+
+        :raises TypeError: as `sendTransform`, and ValueError.
+        """
+        self._send([*transforms], {})
+
+    def _send(self, transforms: list[TransformStamped], kept: dict[str, cdr.Fields]) -> None:
         with explain_bad_fields(transforms), self._lock:
             new = fields_to_send(transforms)
             cdr.pack_fields(new)  # raises the errors before anything changes
-            self._sent.update((fields[3].removeprefix('/'), fields) for fields in new)
+            self._sent = kept | {fields[3].removeprefix('/'): fields for fields in new}
             self.pub_tf.publish(cdr.pack_fields([*self._sent.values()]))

@@ -1,5 +1,6 @@
 """The transforms and velocities that lookups of a `TransformBuffer` return."""
 
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from puretf import rotations
 from puretf._core.pose import Quaternion
-from puretf._core.times import nanoseconds
+from puretf._core.times import nanoseconds, split
 
 Vector = tuple[float, float, float]
 
@@ -45,6 +46,23 @@ class Transform(NamedTuple):
         t, r = transform.translation, transform.rotation
         return cls(nanoseconds(stamp), message.header.frame_id, message.child_frame_id,
                    (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+
+    def to_message(self) -> Any:
+        """
+        Return a new geometry_msgs/TransformStamped.
+
+        :raises ModuleNotFoundError: if geometry_msgs is not installed.
+        """
+        # By name, since what imports this module must not need ROS.
+        messages = import_module('geometry_msgs.msg')
+        message = messages.TransformStamped(child_frame_id=self.child_frame_id)
+        message.header.frame_id = self.frame_id
+        message.header.stamp.sec, message.header.stamp.nanosec = split(self.stamp)
+        x, y, z = map(float, self.translation)
+        message.transform.translation = messages.Vector3(x=x, y=y, z=z)
+        x, y, z, w = map(float, self.rotation)
+        message.transform.rotation = messages.Quaternion(x=x, y=y, z=z, w=w)
+        return message
 
     def matrix(self) -> NDArray[np.float64]:
         """Return the homogeneous matrix, (4, 4) float64, for column vectors x, y, z, 1 (m)."""

@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from puretf._core.times import nanoseconds_or_int
 from puretf._ros.graph import broadcast
-from puretf._ros.qos import check_node, create_publisher, profile
+from puretf._ros.qos import check_node, create_publisher, profile, TF
 from puretf._ros.transform_stamped import (
     as_list,
     check_edge,
@@ -36,15 +37,18 @@ class TransformBroadcaster:
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
-                 tf_topic: str = '/tf') -> None:
+                 tf_topic: str = '/tf',
+                 qos_overriding_options: Optional[QoSOverridingOptions] = None) -> None:
         """
         Create the publisher; the remappings of the node apply.
 
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, volatile
             profile. None means the same as the int 100.
+        :param qos_overriding_options: which policies parameters of the node can override.
         """
         check_node(node, 'TransformBroadcaster(node)')
-        self.pub_tf = create_publisher(node, tf_topic, profile(qos, 100))
+        self.pub_tf = create_publisher(
+            node, tf_topic, profile(qos, TF), qos_overriding_options)
         self._children = broadcast.setdefault(node, set())
 
     def sendTransform(  # noqa: N802

@@ -4,7 +4,6 @@ from typing import Any, Optional, Union
 
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.times import nanoseconds_or_int, SECOND
-from puretf._core.waiting import wait, why_not
 from puretf.exceptions import described
 from puretf.transform import Transform
 
@@ -86,10 +85,7 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        stamp, pose = wait(
-            self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
-            nanoseconds_or_int(time))
-        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+        return self._lookup(target_frame, source_frame, time, _seconds(timeout))
 
     def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                               source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
@@ -110,11 +106,8 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        stamp, pose = wait(
-            self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
-            nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
-            fixed_frame)
-        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+        return self._lookup_full(target_frame, target_time, source_frame, source_time,
+                                 fixed_frame, _seconds(timeout))
 
     def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
                       timeout: Any = 0, return_debug_tuple: bool = False
@@ -130,9 +123,7 @@ class TransformBuffer(BufferBase):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = why_not(
-            self._engine, _seconds(timeout), self._engine.lookups.check, target_frame,
-            source_frame, nanoseconds_or_int(time))
+        error = self._why_not(target_frame, source_frame, time, _seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
@@ -152,10 +143,8 @@ class TransformBuffer(BufferBase):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = why_not(
-            self._engine, _seconds(timeout), self._engine.lookups.check_full, target_frame,
-            nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
-            fixed_frame)
+        error = self._why_not_full(target_frame, target_time, source_frame, source_time,
+                                   fixed_frame, _seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
@@ -167,8 +156,8 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no path.
         :raises TypeError: if a frame is not a str.
         """
-        return self._engine.read(
-            self._engine.lookups.latest_common_time, target_frame, source_frame)
+        with self._engine.reading():
+            return self._engine.lookups.latest_common_time(target_frame, source_frame)
 
 
 def _seconds(timeout: Any) -> float:

@@ -13,7 +13,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from puretf._core.engine import Engine, engine_of
@@ -23,7 +23,7 @@ from puretf._ros.graph import blocked_nodes, surroundings
 from puretf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
 from puretf._ros.messages import TFMessage
 from puretf._ros.other_topics import OtherTopics
-from puretf._ros.qos import check_node, profile
+from puretf._ros.qos import check_node, profile, TF, TF_STATIC
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
 from puretf._wire import cdr
@@ -57,11 +57,12 @@ class TransformListener:
     The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
     """
 
+    _has_tf = True
+
     def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
                  static_qos: Optional[Union[QoSProfile, int]] = None,
-                 tf_topic: str = '/tf', tf_static_topic: str = '/tf_static',
-                 static_only: bool = False) -> None:
+                 tf_topic: str = '/tf', tf_static_topic: str = '/tf_static') -> None:
         """
         Subscribe, and start the thread.
 
@@ -74,7 +75,6 @@ class TransformListener:
             volatile profile. None means the same as the int 100.
         :param static_qos: the QoS profile of the subscription to /tf_static. An int is the depth
             of a reliable, transient local profile. None means the same as the int 100.
-        :param static_only: True: subscribe to the topic of static transforms only.
         """
         check_node(node, f'{type(self).__name__}(buffer, node)')
         self.node = node
@@ -92,12 +92,11 @@ class TransformListener:
         #: Held only while `_engine` is replaced; reentrant because a signal handler may end the
         #: listener meanwhile.
         self._lock = RLock()
-        #: The subscription to the topic of dynamic transforms; None if `static_only` is True.
-        self.tf_sub = None if static_only else self._subscribe(
-            tf_topic, self.callback, profile(qos, 100))
+        #: The subscription to the topic of dynamic transforms; None in a StaticTransformListener.
+        self.tf_sub = self._subscribe(
+            tf_topic, self.callback, profile(qos, TF)) if self._has_tf else None
         self.tf_static_sub = self._subscribe(
-            tf_static_topic, self.static_callback,
-            profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+            tf_static_topic, self.static_callback, profile(static_qos, TF_STATIC))
         self._other_topics = OtherTopics(
             node, [each.topic_name for each in self.subscriptions])
         self._qos_monitors: list[QosMonitor] = []
@@ -260,12 +259,14 @@ class StaticTransformListener(TransformListener):
     A program that needs no dynamic transforms saves the cost of receiving them.
     """
 
+    _has_tf = False
+
     def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
                  static_qos: Optional[Union[QoSProfile, int]] = None,
                  tf_static_topic: str = '/tf_static') -> None:
         """Subscribe; see `TransformListener` for the parameters."""
         super().__init__(buffer, node, spin_thread=spin_thread, static_qos=static_qos,
-                         tf_static_topic=tf_static_topic, static_only=True)
+                         tf_static_topic=tf_static_topic)
 
 
 def _surroundings(reference: ref[TransformListener]) -> Surroundings:

@@ -11,7 +11,7 @@ from unicodedata import normalize
 
 from dummy_arm.grading.records import NOT_JUDGED, NOT_OK, OK
 from dummy_arm.grading.requirements import FRAMES
-from puretf.formatting import comma_list, quoted, shortened
+from puretf import comma_list, quoted, shortened
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import check_signals
 

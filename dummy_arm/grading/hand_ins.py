@@ -21,7 +21,7 @@ from dummy_arm.grading.processes import (
 )
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, Report
 from dummy_arm.grading.supervisor import remove, SIGNAL
-from puretf.formatting import visible
+from puretf import visible
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import signals_blocked
 

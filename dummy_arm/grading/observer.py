@@ -44,7 +44,7 @@ class Observer:
 
     def poll(self) -> bool:
         """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
-        received, dropped = self.listener.publisher_listener.received()
+        received, dropped = self.listener.received()
         for message in received:
             with suppress(ValueError):  # the listener logs this error
                 rows = message.rows()
@@ -54,7 +54,7 @@ class Observer:
                 self.has_started |= not message.is_static
         if dropped or self._count > MOST:
             raise ProgramError('More transforms arrive than can be judged.')
-        for gid, (node, topic) in self.listener.publisher_listener.publishers().items():
+        for gid, (node, topic) in self.listener.publishers().items():
             if gid not in self._publishers:
                 self._publishers[gid] = Publisher(
                     gid, node, topic == self.listener.topics[0], pid_of_publisher(gid))

@@ -15,8 +15,8 @@ from tokenize import detect_encoding
 from typing import Optional
 
 from dummy_arm.grading.processes import end_with_parent, how_it_ended
+from puretf import abbreviated, visible
 from puretf.domains import command_of
-from puretf.formatting import abbreviated, visible
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Optional
 
-from puretf.formatting import visible
+from puretf import visible
 
 #: The verdicts of a line, of a hand-in (NOT_RUN, too), and of good practice (ADVICE, too).
 OK, NOT_OK, NOT_JUDGED, NOT_RUN, ADVICE = 'ok', 'not ok', 'not judged', 'not run', 'advice'

@@ -26,8 +26,8 @@ from dummy_arm.grading.records import (
     Report,
 )
 from dummy_arm.grading.sine import FASTEST, FEWEST, fit, fit_sine, Floats, Sine
+from puretf import comma_list, near_names, SECOND, shortened
 from puretf.bag import NOT_RECORDED
-from puretf.formatting import comma_list, near_names, SECOND, shortened
 from puretf_tools.inspection.traffic import recreated
 
 #: How far a position may be from the required position (m), and how far a frame may be rotated

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from puretf._core import frames
 from puretf._core.engine import Engine
 from puretf._core.frames import Frame
+from puretf._core.hints import hint_at_duration
 from puretf._core.pose import Pose
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.velocity import twist
-from puretf._core.waiting import why_not
+from puretf._core.waiting import wait
 from puretf.exceptions import described, tf2_words, TransformException
 from puretf.transform import Transform, Twist
 
@@ -90,9 +91,13 @@ class BufferBase:
         :returns: the text of the error; '' if there is a transform.
         :raises TypeError: if a frame is not a str.
         """
-        error = why_not(
-            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame, time)
-        return '' if error is None else str(error) if has_hint else tf2_words(error)
+        try:
+            with self._engine.reading():
+                self._engine.lookups.check(target_frame, source_frame, time)
+            return ''
+        except TransformException as raised:
+            error = raised
+        return str(error) if has_hint else tf2_words(error)
 
     def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
                           ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
@@ -114,8 +119,9 @@ class BufferBase:
         poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
         for begin in range(0, len(times), _CHUNK):
             part = order[begin:begin + _CHUNK]
-            poses[part], known[part] = self._engine.read(
-                self._engine.lookups.poses, target_frame, source_frame, times[part])
+            with self._engine.reading():
+                poses[part], known[part] = self._engine.lookups.poses(
+                    target_frame, source_frame, times[part])
         return poses[:, :3], poses[:, 3:], known
 
     def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
@@ -139,9 +145,9 @@ class BufferBase:
         :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
         :raises ValueError: if the interval is not longer than 0.
         """
-        return self._engine.read(
-            twist, self._engine.lookups, target_frame, source_frame, nanoseconds_or_int(time),
-            nanoseconds_or_int(interval, 'interval'))
+        with self._engine.reading():
+            return twist(self._engine.lookups, target_frame, source_frame,
+                         nanoseconds_or_int(time), nanoseconds_or_int(interval, 'interval'))
 
     def lookup_all(self, target_frames: Iterable[str], until: int = 0,
                    children: Optional[Container[str]] = None) -> list[dict[str, Transform]]:
@@ -166,10 +172,11 @@ class BufferBase:
             raise TypeError('target_frames must be names in a list or another iterable, got '
                             f'{described(target_frames)}')
         targets = list(target_frames)
+        with self._engine.reading():
+            found = self._engine.lookups.all_poses(targets, until, children)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}
-                for target, placed in zip(targets, self._engine.read(
-                    self._engine.lookups.all_poses, targets, until, children))]
+                for target, placed in zip(targets, found)]
 
     def chain(self, target_frame: str, source_frame: str) -> list[str]:
         """
@@ -180,8 +187,8 @@ class BufferBase:
 
         :raises TransformException: if there is no such path.
         """
-        return self._engine.read(
-            self._engine.lookups.chain, target_frame, 0, source_frame, 0, source_frame)
+        with self._engine.reading():
+            return self._engine.lookups.chain(target_frame, 0, source_frame, 0, source_frame)
 
     def path_stamps(self, target_frame: str, source_frame: str) -> NDArray[np.int64]:
         """
@@ -197,11 +204,13 @@ class BufferBase:
         :raises TransformException: if a frame does not exist, or if there is no path at any time.
         :raises TypeError: if a frame is not a str.
         """
-        return self._engine.read(self._engine.lookups.stamps, target_frame, source_frame)
+        with self._engine.reading():
+            return self._engine.lookups.stamps(target_frame, source_frame)
 
     def frame_names(self) -> list[str]:
         """Return the names of all frames, roots included, in the order of their first use."""
-        return self._engine.read(list, self._engine.tree.histories)
+        with self._engine.reading():
+            return [*self._engine.tree.histories]
 
     def frames(self, until: int = 0) -> list[Frame]:
         """
@@ -210,7 +219,8 @@ class BufferBase:
         :param until: use only samples up to this time (ns); 0: use all samples.
         :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
-        states = self._engine.read(self._engine.tree.states, until)
+        with self._engine.reading():
+            states = self._engine.tree.states(until)
         return [Frame(name, *state) for name, state in states]
 
     def all_frames_as_yaml(self) -> str:
@@ -220,7 +230,9 @@ class BufferBase:
 
     def all_frames_as_string(self) -> str:
         """Return one line of tf2's text for each frame that has had a parent."""
-        return frames.as_string(self._engine.read(self._engine.tree.newest_edges))
+        with self._engine.reading():
+            edges = self._engine.tree.newest_edges()
+        return frames.as_string(edges)
 
     def dump(self) -> dict[str, dict[str, Any]]:
         """
@@ -233,7 +245,52 @@ class BufferBase:
             sample that was inserted last, and `is_static` is a bool. A static frame has one
             sample, with stamp 0. A frame that has occurred only as a parent has no samples.
         """
-        return self._engine.read(self._engine.tree.dump)
+        with self._engine.reading():
+            return self._engine.tree.dump()
+
+    # What the lookups of all buffers share. The times are of the type of the buffer, the timeout
+    # in s. A subclass says how a time is converted, and what a lookup returns.
+
+    _ns: Any = staticmethod(nanoseconds_or_int)
+
+    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> Transform:
+        return Transform(stamp, target, source, pose[:3], pose[3:])
+
+    def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0
+                ) -> Transform:
+        try:
+            return self._answer(target, source, *wait(
+                self._engine, timeout, self._engine.lookups.pose, target, source, self._ns(time)))
+        except TransformException as error:
+            hint_at_duration(error, time)
+            raise
+
+    def _lookup_full(self, target: str, target_time: Any, source: str, source_time: Any,
+                     fixed: str, timeout: float = 0.0) -> Transform:
+        try:
+            return self._answer(target, source, *wait(
+                self._engine, timeout, self._engine.lookups.pose_full, target,
+                self._ns(target_time), source, self._ns(source_time), fixed))
+        except TransformException as error:
+            hint_at_duration(error, target_time, source_time)
+            raise
+
+    def _why_not(self, target: str, source: str, time: Any, timeout: float = 0.0
+                 ) -> Optional[TransformException]:
+        try:
+            wait(self._engine, timeout, self._engine.lookups.check, target, source, self._ns(time))
+            return None
+        except TransformException as error:
+            return hint_at_duration(error, time)
+
+    def _why_not_full(self, target: str, target_time: Any, source: str, source_time: Any,
+                      fixed: str, timeout: float = 0.0) -> Optional[TransformException]:
+        try:
+            wait(self._engine, timeout, self._engine.lookups.check_full, target,
+                 self._ns(target_time), source, self._ns(source_time), fixed)
+            return None
+        except TransformException as error:
+            return hint_at_duration(error, target_time, source_time)
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

@@ -15,7 +15,7 @@ import logging
 from operator import index
 import os
 from threading import RLock
-from typing import Any, Optional, Protocol, TypeVar
+from typing import Any, Optional, Protocol
 from weakref import ref, WeakSet
 
 from puretf._core.hints import Blocked, Look, Surroundings
@@ -26,8 +26,6 @@ from puretf._core.times import nanoseconds_or_int
 from puretf._core.tree import FrameTree
 from puretf._core.wake import Wake
 from puretf.exceptions import described, TransformException
-
-_Result = TypeVar('_Result')
 
 _INT64 = 1 << 63
 
@@ -152,8 +150,12 @@ class Engine:
         if self._sources or self._is_changing:
             self.update()  # messages that arrived before this call are inserted first
         with self.lock:
-            is_accepted = self._change(self.insertion.insert, stamp, frame_id, child_frame_id,
-                                       pose, authority, is_static)
+            # True before if this call has interrupted another one, as in a signal handler.
+            before, self._is_changing = self._is_changing, True
+            is_accepted = self.insertion.insert(
+                stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'), pose,
+                authority, is_static)
+            self._is_changing = before
             if is_accepted:
                 self._notify_lookups()
         self.after_insertion()
@@ -167,15 +169,10 @@ class Engine:
         self.after_insertion()
 
     def _insert(self, batches: Iterable[BatchOrRows]) -> None:
-        self._change(self.insertion.insert_batches, batches)
-        self._notify_lookups()
-
-    def _change(self, change: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Call a function that changes the data; the lock is held."""
         before, self._is_changing = self._is_changing, True
-        result = change(*arguments)
-        self._is_changing = before  # True if this call has interrupted another one
-        return result
+        self.insertion.insert_batches(batches)
+        self._is_changing = before
+        self._notify_lookups()
 
     def _notify_lookups(self) -> None:
         self.generation += 1
@@ -203,7 +200,9 @@ class Engine:
     def clear(self) -> None:
         self.update_for_user()  # so that messages that have arrived are removed, too
         with self.lock:
-            self._change(self.insertion.clear)
+            before, self._is_changing = self._is_changing, True
+            self.insertion.clear()
+            self._is_changing = before
 
     def _mend(self) -> None:
         """Drop the data that an interrupted change has left inconsistent; the lock is held."""
@@ -212,26 +211,26 @@ class Engine:
 
     # Lookups
 
-    def read(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Update, then call a function that reads the data."""
+    def reading(self) -> Any:
+        """
+        Update, and return the lock, to be held while `lookups` and `tree` are used.
+
+        The lock itself is returned, since its `__enter__` is written in C; see `lock`.
+        """
         if self._sources:
             self.update_for_user()
-        with self.lock:
-            if not self._is_changing:  # nearly always; spares the call of `read_now`
-                return lookup(*arguments)
-        return self.read_now(lookup, *arguments)
+        if self._is_changing:
+            self._end_change()
+        return self.lock
 
-    def read_now(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Call a function that reads the data; mend the data if a change was interrupted."""
-        is_held = self._is_changing and self.is_held()
+    def _end_change(self) -> None:
+        """Wait for the end of a change in another thread; mend the data if it was interrupted."""
+        if self.is_held():
+            raise TransformException('This lookup has interrupted an insertion, as in a signal '
+                                     'handler; look up later')
         with self.lock:
             if self._is_changing:
-                if is_held:
-                    raise TransformException(
-                        'This lookup has interrupted an insertion, as in a signal handler; look '
-                        'up later')
                 self._mend()
-            return lookup(*arguments)
 
     def liveness(self) -> tuple[bool, bool]:
         """Return whether messages may arrive, and whether blocked lookups may go on."""
@@ -245,7 +244,8 @@ class Engine:
         The second value is a time (ns): a transform for an earlier time, other than 0, that is not
         available now never will be. It is the latest common time minus the cache time.
         """
-        available, latest = self.read(self.lookups.available, target, source, times)
+        with self.reading():
+            available, latest = self.lookups.available(target, source, times)
         return available, latest - self.tree.cache_time if latest else -_INT64
 
     @property

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple, Optional
 from puretf._core.texts import (
     comma_list,
     difference,
-    in_log,
     MAX_TOPICS,
     may_be_one_robot,
     quoted,
     see,
+    shortened,
     suggest_names,
     TF_MESSAGE,
 )
@@ -178,9 +178,9 @@ def _elsewhere(around: Surroundings, name: str, roots: Collection[str], known: C
         name in each[:2] or each.child in roots) and may_be_one_robot(own, each.base))
     if edge is None:
         return ''
-    text = (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on {in_log(edge.topic)} '
-            f'by {comma_list(edge.nodes, MAX_TOPICS, in_log)}, but this listener is on '
-            f'{" and ".join(around.topics[::-1])}.')
+    text = (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on '
+            f'{shortened(edge.topic)} by {comma_list(edge.nodes, MAX_TOPICS, shortened)}, but this '
+            f'listener is on {" and ".join(around.topics[::-1])}.')
     if len(around.topics) == 1 and own == edge.base:
         return f'{text} Use a TransformListener.{see("A frame does not exist")}'
     # Another robot has frames of the same names.
@@ -189,10 +189,10 @@ def _elsewhere(around: Surroundings, name: str, roots: Collection[str], known: C
         return ''
     if is_another or (edge.child not in roots and edge.parent not in known
                       and edge.child not in known):
-        base = in_log(edge.base)
+        base = shortened(edge.base)
         return (f'{text} To listen to {base}, pass {_listening_to(base)}'
                 f'{see("A leading slash, or a namespace")}')
-    base = in_log(max(own, edge.base, key=lambda topic: topic.count('/')))
+    base = shortened(max(own, edge.base, key=lambda topic: topic.count('/')))
     return (f'{text} Remap both /tf and /tf_static in all nodes of the robot (--ros-args -r '
             f'/tf:={base} -r /tf_static:={base}_static), or in none of them.'
             f'{see("Half of a robot is in a namespace")}')
@@ -211,7 +211,7 @@ def topics(around: Surroundings) -> str:
 def wrong_type(around: Surroundings) -> str:
     """Say who publishes another type than TFMessage on the topics of transforms."""
     wrong = dict.fromkeys(
-        f'{in_log(each.node)} publishes {in_log(each.type)} on {each.topic}'
+        f'{shortened(each.node)} publishes {shortened(each.type)} on {each.topic}'
         for each in around.publishers if each.type != TF_MESSAGE)
     if not wrong:
         return ''
@@ -232,7 +232,7 @@ def _qos(around: Surroundings) -> str:
         nodes: dict[str, set[str]] = {}
         for each in around.publishers:
             if each.type == TF_MESSAGE and each.lacks == lack:
-                nodes.setdefault(each.topic, set()).add(in_log(each.node))
+                nodes.setdefault(each.topic, set()).add(shortened(each.node))
         found += [f'Nothing arrives on {topic} from {comma_list(sorted(names), MAX_TOPICS)}, '
                   f'whose publisher is not {lack}. {remedy}' for topic, names in nodes.items()]
     return ' '.join(found)
@@ -242,10 +242,10 @@ def other_topics(around: Surroundings) -> str:
     """Say which other topics have transforms, and how to receive them."""
     if around.is_fed or not around.other_topics or len(around.topics) == 1:
         return ''
-    first = in_log(around.other_topics[0])
+    first = shortened(around.other_topics[0])
+    others = comma_list(around.other_topics, MAX_TOPICS, shortened)
     return (f'No transform has arrived on {around.topics[-1]}, but transforms are published on '
-            f'{comma_list(around.other_topics, MAX_TOPICS, in_log)}. To listen to {first}, pass '
-            f'{_listening_to(first)}')
+            f'{others}. To listen to {first}, pass {_listening_to(first)}')
 
 
 def _listening_to(topic: str) -> str:
@@ -263,7 +263,7 @@ def nothing(around: Surroundings) -> str:
     if around.is_new:
         text = 'The listener has just started; discovery can take some seconds.'
     elif around.publishers:
-        nodes = sorted({in_log(each.node) for each in around.publishers})
+        nodes = sorted({shortened(each.node) for each in around.publishers})
         text = f'Nothing has arrived yet from {comma_list(nodes, MAX_TOPICS)}.'
     elif around.joint_states:
         text = (f'{around.joint_states} has a publisher, but nothing publishes transforms: start '
@@ -282,7 +282,7 @@ def _only_blocked(around: Surroundings, waited: Waited, condition: str) -> str:
     if not nodes or not waited.blocked.keys() >= nodes:
         return ''
     node = min(nodes)
-    who = 'this node' if node == around.node else in_log(node)
+    who = 'this node' if node == around.node else shortened(node)
     return (f'Only {who} publishes on {around.topics[-1]}. {condition} {waited.blocked[node].why}'
             f'{see("A lookup that waits for its own node")}')
 
@@ -294,7 +294,7 @@ def _blocked(edge: 'Edge', around: Surroundings, waited: Waited) -> str:
     of_edge = around.node_of(edge.authority)
     for node, blocked in waited.blocked.items():
         if node == of_edge or (not of_edge and edge.child in blocked.children):
-            who = 'This node' if node == around.node else in_log(node)
+            who = 'This node' if node == around.node else shortened(node)
             return (f' {who} publishes it, and {blocked.why}'
                     f'{see("A lookup that waits for its own node")}')
     return ''
@@ -363,9 +363,9 @@ def cleared(look: Look, frame: str, waited: Optional[Waited]) -> str:
 def clock_publishers(nodes: Sequence[str]) -> str:
     """Name the publishers of /clock; several make the time jump."""
     if len(nodes) < 2:
-        return f' Publisher of /clock: {in_log(nodes[0])}.' if any(nodes) else ''
+        return f' Publisher of /clock: {shortened(nodes[0])}.' if any(nodes) else ''
     return (f' {len(nodes)} nodes publish /clock, so that the time jumps between them: '
-            f'{comma_list(nodes, MAX_TOPICS, in_log)}. Stop all but one.')
+            f'{comma_list(nodes, MAX_TOPICS, shortened)}. Stop all but one.')
 
 
 def extrapolation(look: Look, edge: Edge, time: int, waited: Optional[Waited]) -> str:
@@ -462,11 +462,11 @@ def _is_gone(edge: Edge, around: Surroundings) -> bool:
 
 def _why_silent(edge: Edge, around: Surroundings) -> str:
     """Say what has become of the publisher, and what to check."""
-    if node := in_log(around.node_of(edge.authority)):
+    if node := shortened(around.node_of(edge.authority)):
         return (f'{node}, which has published it, has ended. Start {node} again'
                 if edge.authority in around.ended else
                 f'{node}, which has published it, still exists, but is silent. Check {node}')
-    nodes = comma_list(around.nodes(around.topics[-1]), MAX_TOPICS, in_log)
+    nodes = comma_list(around.nodes(around.topics[-1]), MAX_TOPICS, shortened)
     if not nodes:
         return f'nothing publishes on {around.topics[-1]} any more. Start the publisher again'
     return (f'its publisher is silent or gone (on {around.topics[-1]} now: {nodes}). Check the '
@@ -512,7 +512,7 @@ def _refused(edge: Edge, around: Surroundings, time: int) -> str:
     if not edge.refused or time > edge.refused_stamp + _RECENT:
         return ''
     refused_by, newer_by = (
-        f' from {in_log(node)}' if (node := around.node_of(authority) if around.topics else
+        f' from {shortened(node)}' if (node := around.node_of(authority) if around.topics else
                                     authority) not in ('', 'default_authority') else ''
         for authority in (edge.refused_authority, edge.authority))
     return (f' {edge.refused} transforms of {quoted(edge.child)}{refused_by} were refused, since '
@@ -536,19 +536,19 @@ def old_data(look: Look, authority: str) -> str:
 
 def _publisher(around: Surroundings, authority: str, is_static: bool) -> str:
     if node := around.node_of(authority):
-        return f' Publisher: {in_log(node)}.'
+        return f' Publisher: {shortened(node)}.'
     if not around.topics:
         return ''
     topic = around.topics[0 if is_static else -1]
     nodes = around.nodes(topic)
-    return f' Publishers on {topic}: {comma_list(nodes, MAX_TOPICS, in_log)}.' if nodes else ''
+    return f' Publishers on {topic}: {comma_list(nodes, MAX_TOPICS, shortened)}.' if nodes else ''
 
 
 # Arguments
 
 
-def hint_at_duration(error: TransformException, *times: Any) -> None:
-    """Say in the hint of an error if a time of the failed lookup is a Duration."""
+def hint_at_duration(error: TransformException, *times: Any) -> TransformException:
+    """Say in the hint of an error if a time of the failed lookup is a Duration; return it."""
     if error._parts and any(type(time).__name__ == 'Duration' for time in times):
         # The hint of an ExtrapolationException would look for causes in the clocks.
         before = None if isinstance(error, ExtrapolationException) else error._parts[1]
@@ -559,3 +559,4 @@ def hint_at_duration(error: TransformException, *times: Any) -> None:
                     f'{see_more}{section}')
 
         with_hint(error, hint)
+    return error

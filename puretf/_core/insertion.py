@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from puretf._core import hints
 from puretf._core.composition import normalized
 from puretf._core.frames import is_too_long, LONGEST_NAME
-from puretf._core.history import History, MAX_SAMPLES_PER_STAMP
+from puretf._core.history import History, MAX_SAMPLES_PER_STAMP, StaticHistory
 from puretf._core.lookup import Lookups
 from puretf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
 from puretf._core.texts import (
@@ -56,15 +56,14 @@ class Insertion:
         #: The number of samples that were inserted into the full buffer since the last count.
         self._uncounted = 0
 
-    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
+    def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
-        """Insert one transform; the caller has checked the types of the arguments."""
-        return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
-                            pose, authority, is_static)
+        """
+        Insert one transform, whose names have no leading slash and whose types are checked.
 
-    def _insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
-                is_static: bool) -> bool:
-        """Insert one transform; the caller has removed a leading slash from each name."""
+        A static pose replaces all samples of a dynamic frame, and a dynamic pose replaces a static
+        one.
+        """
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if warnings := refusals(parent, child, pose, authority):
@@ -75,16 +74,24 @@ class Insertion:
             # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
             # inserted here.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
-        is_known_edge = self._tree.is_known_edge(parent, child, is_static)
-        if not is_known_edge and not self._accepts_names(
-                parent, child, authority, is_static):
-            return False
-        is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
-        if not is_known_edge:
+        histories = self._tree.histories
+        history = histories.get(child)
+        if (history is None or history.is_static is not is_static
+                or parent not in history.all_parents):
+            if not self._accepts_names(parent, child, authority, is_static):
+                return False
             self._lookups.paths.clear()
-        history = self._tree.histories[child]
+            histories.setdefault(child, None)
+            histories.setdefault(parent, None)
+            if is_static:
+                histories[child] = StaticHistory(parent, pose, authority)
+                return True
+        elif isinstance(history, StaticHistory):
+            history.pose, history.authority = pose, authority
+            return True
         if not isinstance(history, History):
-            return is_accepted
+            histories[child] = history = History(self._tree.cache_time)
+        is_accepted = history.insert(stamp, parent, pose, authority)
         history.arrival = monotonic_ns()
         if not is_accepted:
             history.refusal = history.arrival
@@ -124,7 +131,8 @@ class Insertion:
             try:
                 if isinstance(batch, Rows):
                     for stamp, parent, child, pose in batch.rows:
-                        self.insert(stamp, parent, child, pose, batch.authority, batch.is_static)
+                        self.insert(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
+                                    batch.authority, batch.is_static)
                     continue
                 number, count = len(batch.children), len(batch.stamps)
                 poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
@@ -144,8 +152,8 @@ class Insertion:
                             self._drop_oldest(history, count, child, batch.authority)
                         continue
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
-                        self._insert(stamp, parent, child, _unpack_pose(packed),
-                                     batch.authority, False)
+                        self.insert(stamp, parent, child, _unpack_pose(packed),
+                                    batch.authority, False)
             except Exception:  # no memory, or a bug in this package: insert the other batches
                 self.log.warn_once('insertion', format_exc(), 1.0)
                 self.mend()

@@ -7,6 +7,7 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
+from puretf._core import failures, search
 from puretf._core.composition import compose, inverse
 from puretf._core.history import AnyHistory, NoPose
 from puretf._core.path import Path
@@ -56,13 +57,14 @@ class Lookups:
         if target == source:
             history = self.tree.histories.get(target)
             return time or (history.latest if history is not None else 0), IDENTITY
-        self.tree.check_for_lookup(target_frame=target, source_frame=source)
+        failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
         time, path = self._search(target, source, time)
         return time, path.pose(time)
 
     def pose_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                   ) -> tuple[int, Pose]:
-        self.tree.check_for_lookup(target_frame=target, source_frame=source, fixed_frame=fixed)
+        failures.check_for_lookup(
+            self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
         _, fixed_from_source = self.pose(fixed, source, source_time)
         time, target_from_fixed = self.pose(target, fixed, target_time)
         return time, compose(target_from_fixed, fixed_from_source)
@@ -97,7 +99,7 @@ class Lookups:
         if path is None or not path.covers(time or path.latest_common_time()):
             if target == source:
                 return
-            self.tree.check_for_can_transform(target_frame=target, source_frame=source)
+            failures.check_for_can_transform(self.tree, target_frame=target, source_frame=source)
             self._search(target, source, time)
 
     def available(self, target: str, source: str, times: Sequence[int]) -> tuple[list[bool], int]:
@@ -105,7 +107,8 @@ class Lookups:
         if target == source:
             return [True] * len(times), 0
         available, latest = [False] * len(times), 0
-        if (target, source) not in self.paths and not self.tree.may_be_connected(target, source):
+        if (target, source) not in self.paths and not search.may_be_connected(
+                self.tree, target, source):
             return available, latest
         path = self._kept_path(target, source)
         if path is not None:
@@ -113,7 +116,7 @@ class Lookups:
             begin, end = path.span()
             return [begin <= (time or latest) <= end for time in times], latest
         with suppress(TransformException):
-            latest = self.tree.latest_common_time(target, source)
+            latest = search.latest_common_time(self.tree, target, source)
         for i, time in enumerate(times):
             with suppress(TransformException):
                 self.check(target, source, time)
@@ -123,8 +126,8 @@ class Lookups:
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
         """Raise the error of tf2's canTransform if `pose_full` has no result."""
-        self.tree.check_for_can_transform(
-            target_frame=target, source_frame=source, fixed_frame=fixed)
+        failures.check_for_can_transform(
+            self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
         self.check(target, fixed, target_time)
         self.check(fixed, source, source_time)
 
@@ -136,8 +139,8 @@ class Lookups:
         If the path goes to the fixed frame and back along the same edges, these edges are left
         out.
         """
-        self.tree.check_for_lookup(
-            target_frame=target, source_frame=source, fixed_frame=fixed)
+        failures.check_for_lookup(
+            self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
         self.check_full(target, target_time, source, source_time, fixed)
         from_source = self._frames(fixed, source, source_time)
         from_target = self._frames(fixed, target, target_time)
@@ -149,25 +152,26 @@ class Lookups:
     def _frames(self, target: str, source: str, time: int) -> list[str]:
         if target == source:
             return [target]
-        time = time or self.tree.latest_common_time(target, source)
-        return self.tree.chain(target, source, time)
+        time = time or search.latest_common_time(self.tree, target, source)
+        return search.chain(self.tree, target, source, time)
 
     def latest_common_time(self, target: str, source: str) -> int:
         """Return the latest time for which every edge has data; 0 if all edges are static."""
         for name in target, source:
-            self.tree.check(name, 'get_latest_common_time')
-        return self.tree.latest_common_time(target, source)
+            failures.check(self.tree, name, 'get_latest_common_time')
+        return search.latest_common_time(self.tree, target, source)
 
     def stamps(self, target: str, source: str) -> NDArray[np.int64]:
-        self.tree.check_for_lookup(target_frame=target, source_frame=source)
+        failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
         return (np.empty(0, np.int64) if target == source
-                else self.tree.stamps(target, source))
+                else search.stamps(self.tree, target, source))
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
-        time = time or self.tree.latest_common_time(target, source)
-        path = self.tree.path(target, source, time)
-        if path.has_constant_parents() and all(map(self.tree.has_no_loop_above, (source, target))):
+        time = time or search.latest_common_time(self.tree, target, source)
+        path = search.path(self.tree, target, source, time)
+        if path.has_constant_parents() and all(
+                search.has_no_loop_above(self.tree, frame) for frame in (source, target)):
             if len(self.paths) >= _MAX_PATHS:
                 self.paths.clear()
             self.paths[target, source] = path
@@ -187,7 +191,7 @@ class Lookups:
     def _all_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
                    ) -> dict[str, tuple[int, Pose]]:
         if target not in self.tree.histories:
-            self.tree.check(target, 'lookup_all')
+            failures.check(self.tree, target, 'lookup_all')
         history, poses = self.tree.histories[target], self._timed_poses(edges, target, until)
         if history is not None:
             poses[target] = min(until, history.latest) if until else history.latest, IDENTITY

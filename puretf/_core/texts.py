@@ -49,17 +49,6 @@ def visible(text: str) -> str:
         c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def visible_lines(text: str) -> str:
-    r"""
-    Escape each line of a text as `visible` does.
-
-    >>> print(visible_lines('one\ntwo\r'))
-    one
-    two\r
-    """
-    return '\n'.join(map(visible, text.split('\n')))
-
-
 def abbreviated(text: str, longest: int = LONGEST) -> str:
     """
     Replace the middle of a text of more than `longest` (at least 3) characters by three dots.
@@ -73,35 +62,15 @@ def abbreviated(text: str, longest: int = LONGEST) -> str:
     return f'{text[:kept - kept // 2]}...{text[len(text) - kept // 2:]}'
 
 
-def shortened(name: str) -> str:
+def shortened(name: str, longest: int = LONGEST) -> str:
     r"""
-    Abbreviate a name if it is longer than `LONGEST`, and escape it.
+    Abbreviate and escape a name; if it begins or ends with a blank, add quotes.
 
-    >>> print(shortened('tool\n'))
-    tool\n
+    >>> print(shortened('tool\n'), shortened('base_link '))
+    tool\n 'base_link '
     """
-    return visible_name(abbreviated(name))
-
-
-def visible_name(name: str) -> str:
-    """
-    Escape a name as `visible` does; if it begins or ends with a blank, add quotes.
-
-    >>> print(visible_name('base_link '), visible_name('base_link'))
-    'base_link ' base_link
-    """
+    name = abbreviated(name, longest)
     return repr(name) if name[:1] == ' ' or name[-1:] == ' ' else visible(name)
-
-
-def in_log(name: str) -> str:
-    """
-    Abbreviate and escape a name, without quotes; append the original length of a long name.
-
-    >>> in_log('x' * 3000) == 'x' * 49 + '...' + 'x' * 48 + ' (3000 characters)'
-    True
-    """
-    length = f' ({len(name)} characters)' if len(name) > LONGEST else ''
-    return visible(abbreviated(name)) + length
 
 
 def quoted(name: str) -> str:
@@ -368,13 +337,18 @@ def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, 
     return f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
 
 
+def _plain(name: str) -> str:
+    """Abbreviate and escape a name that stands in quotes already."""
+    return visible(abbreviated(name))
+
+
 def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> list[str]:
     """Return tf2's warnings about an invalid transform."""
     if parent != child and parent and child and not any(map(isnan, pose)):
         return []
     found = []
     is_own_parent = parent == child
-    child, authority = in_log(child), in_log(authority)
+    child, authority = _plain(child), _plain(authority)
     numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
     if is_own_parent:
         found.append(f'TF_SELF_TRANSFORM: Ignoring transform from authority "{authority}" with '
@@ -397,8 +371,8 @@ def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> 
 
 def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: int) -> str:
     """Return tf2's warning about a transform that is too old, and the cause; times in ns."""
-    return (f'TF_OLD_DATA ignoring data from the past for frame {in_log(child)} at time '
-            f'{display_time(stamp)} according to authority {in_log(authority)}\n'
+    return (f'TF_OLD_DATA ignoring data from the past for frame {_plain(child)} at time '
+            f'{display_time(stamp)} according to authority {_plain(authority)}\n'
             f'It is {display_time(latest - stamp)} s older than the newest transform of this '
             f'frame, and {display_time(cache_time)} s are kept. Usual causes: two nodes publish '
             'the frame, a bag or a simulation has started again, or use_sim_time is set in some '
@@ -422,7 +396,7 @@ def later_part(path: str, first: str) -> str:
 
 def no_tf(expected: Sequence[str], topics: Sequence[tuple[str, str]]) -> str:
     """Say that a bag has no transforms on the expected topics; `topics`: all, with their types."""
-    others = sorted(f'{in_log(name)} ({in_log(msgtype)})' for name, msgtype in topics)
+    others = sorted(f'{shortened(name)} ({shortened(msgtype)})' for name, msgtype in topics)
     return (f'no {TF_MESSAGE} on {" or ".join(expected)}; its topics: '
             f'{comma_list(others, MAX_TOPICS) or "none"}')
 
@@ -432,14 +406,14 @@ def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
     if namespaces == ['']:
         where = 'on topics without a namespace: omit the namespace'
     else:
-        names = comma_list([in_log(name) or '/' for name in namespaces], MAX_TOPICS)
+        names = comma_list([shortened(name) or '/' for name in namespaces], MAX_TOPICS)
         where = f'in the namespace {names}: pass it as namespace (--namespace)'
     return f'no TFMessage on {" or ".join(expected)}, but {where}'
 
 
 def wrong_types(topics: Sequence[tuple[str, str]]) -> str:
     """Say which topics of TF have another type."""
-    types = ' and '.join(f'{in_log(name)} has the type {in_log(msgtype)}'
+    types = ' and '.join(f'{shortened(name)} has the type {shortened(msgtype)}'
                          for name, msgtype in sorted(topics))
     return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
             'StaticTransformBroadcaster')
@@ -449,30 +423,30 @@ def wrong_types(topics: Sequence[tuple[str, str]]) -> str:
 
 
 def too_many_frames(child: str, limit: int, authority: str) -> str:
-    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{in_log(child)}" from '
-            f'authority "{in_log(authority)}" because max_frames of the buffer allows {limit} '
+    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{_plain(child)}" from '
+            f'authority "{_plain(authority)}" because max_frames of the buffer allows {limit} '
             'frames. All other transforms with a new frame are ignored, too. Check whether a node '
             'publishes a new frame name again and again.')
 
 
 def too_long_name(child: str, what: str, name: str, longest: int, authority: str) -> str:
     size = len(name.encode('utf-8', 'surrogatepass'))
-    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{in_log(child)}" from '
-            f'authority "{in_log(authority)}" because its {what} has {size} bytes; at most '
+    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{_plain(child)}" from '
+            f'authority "{_plain(authority)}" because its {what} has {size} bytes; at most '
             f'{longest} are allowed')
 
 
 def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
     return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
-            f'"{in_log(child)}" from authority "{in_log(authority)}" before the cache time is '
+            f'"{_plain(child)}" from authority "{_plain(authority)}" before the cache time is '
             f'over: at most {limit} are kept of one frame with this cache time. The oldest '
             'transforms of every other frame with too many transforms are dropped, too. Check '
             'whether the stamps of this frame advance too slowly.')
 
 
 def too_many_samples(child: str, limit: int, authority: str) -> str:
-    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{in_log(child)}" '
-            f'from authority "{in_log(authority)}" before the cache time is over: max_samples of '
+    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{_plain(child)}" '
+            f'from authority "{_plain(authority)}" before the cache time is over: max_samples of '
             f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
             'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
             'or raise max_samples.')

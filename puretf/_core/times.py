@@ -61,6 +61,11 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
         raise TypeError(f'{error}; an integer (ns) is accepted, too{example}') from None
 
 
+def split(time: int) -> tuple[int, int]:
+    """Split a time (ns) into `sec` and `nanosec` of a stamp."""
+    return divmod(time, SECOND)
+
+
 def in_seconds(time: int) -> float:
     """
     Convert nanoseconds to seconds with the rounding of tf2, as in `tf2::timeToSec`.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from time import monotonic
-from typing import Any, Optional, TypeVar
+from typing import Any, TypeVar
 
 from puretf._core.engine import Engine
 from puretf._core.hints import Waited
@@ -26,7 +26,8 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
     :raises TransformException: the last error of the lookup.
     """
     try:
-        return engine.read(lookup, *arguments)
+        with engine.reading():
+            return lookup(*arguments)
     except TransformException:
         if timeout <= 0.0 or engine.is_held():
             raise
@@ -43,7 +44,8 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
             is_over = any(was and not is_now for was, is_now in zip(before, engine.liveness()))
             seen = engine.update_for_user()
             try:
-                return engine.read_now(lookup, *arguments)
+                with engine.lock:
+                    return lookup(*arguments)
             except TransformException as error:
                 if is_over or monotonic() >= deadline:
                     error._waited = Waited(timeout, engine.find_blocked())
@@ -54,13 +56,3 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
                 pass
     finally:
         engine.wakes.discard(wake)
-
-
-def why_not(engine: Engine, timeout: float, check: Callable[..., None], *arguments: Any
-            ) -> Optional[TransformException]:
-    """Wait as `wait` does until a check passes; return the last error, or None if it passed."""
-    try:
-        wait(engine, timeout, check, *arguments)
-    except TransformException as error:
-        return error
-    return None

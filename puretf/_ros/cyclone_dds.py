@@ -16,16 +16,15 @@ IDENTIFIER = 'rmw_cyclonedds_cpp'
 _LIBRARY = 'libddsc.so.0'
 #: The number of bytes of a gid, and of a handle. In a message's info, zeros follow the handle.
 _GID_SIZE, _HANDLE_SIZE = 16, 8
-#: The largest number of gids that are kept for a subscription.
-_MOST = 10_000
 
 
-def gid_translator(data: int) -> Optional[Callable[[str], str]]:
+def gid_translator(data: int, most: int = 10_000) -> Optional[Callable[[str], str]]:
     """
     Return a function that converts the handle in a message's info to a gid, both in hex.
 
     `data` is the address of the struct CddsSubscription. If the publisher has ended before the
-    first call, the function returns its argument. None: Cyclone DDS or its functions are missing.
+    first call, the function returns its argument. It keeps at most `most` gids. None: Cyclone DDS
+    or its functions are missing.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
@@ -48,7 +47,7 @@ def gid_translator(data: int) -> Optional[Callable[[str], str]]:
             # The struct dds_builtintopic_endpoint_t begins with the gid.
             gid = gids[reported] = ctypes.string_at(publisher, _GID_SIZE).hex()
             free(publisher)
-            if len(gids) > _MOST:
+            if len(gids) > most:
                 del gids[next(iter(gids))]
         return gid
 

@@ -1,22 +1,28 @@
-"""The node and QoS arguments of publishers and subscriptions, and publishers with these."""
+"""The QoS of /tf and /tf_static, and publishers with it."""
 
 from typing import Any, Optional, Union
 
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import qos_policy_name_from_kind, QoSProfile
+from rclpy.qos import DurabilityPolicy, qos_policy_name_from_kind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from puretf._core.texts import ThrottledLog
 from puretf._ros.messages import TFMessage
 from puretf.exceptions import described
 
+#: The profile of dynamic transforms, as in tf2_ros: reliable and volatile.
+TF = QoSProfile(depth=100)
+#: The profile of static transforms, as in tf2_ros: reliable, and latched by DDS. A publisher has
+#: the depth 1.
+TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
-    """Return the profile for an argument: a profile, a depth, or None for the default depth."""
-    if qos is None or isinstance(qos, int):
-        return QoSProfile(depth=depth if qos is None else qos, **policies)
-    return qos
+
+def profile(qos: Optional[Union[QoSProfile, int]], default: QoSProfile) -> QoSProfile:
+    """Return the profile for an argument: a profile, or None or a depth for the default's rest."""
+    return qos if isinstance(qos, QoSProfile) else QoSProfile(
+        depth=default.depth if qos is None else qos, durability=default.durability)
 
 
 def check_node(node: Any, call: str) -> None:
@@ -25,7 +31,8 @@ def check_node(node: Any, call: str) -> None:
         raise TypeError(f'node must be a Node of rclpy, got {described(node)}: write {call}')
 
 
-def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:
+def create_publisher(node: Node, topic: str, qos: QoSProfile,
+                     qos_overriding_options: Optional[QoSOverridingOptions]) -> Publisher:
     """
     Create a publisher of TFMessages that warns of incompatible subscriptions, as rclpy does.
 
@@ -41,4 +48,5 @@ def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:
                 f'{qos_policy_name_from_kind(event.last_policy_kind)}')
 
     return node.create_publisher(
-        TFMessage, topic, qos, event_callbacks=PublisherEventCallbacks(incompatible_qos=warn))
+        TFMessage, topic, qos, event_callbacks=PublisherEventCallbacks(incompatible_qos=warn),
+        qos_overriding_options=qos_overriding_options)

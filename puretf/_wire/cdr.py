@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from puretf._core.pose import IDENTITY, Pose, POSE_BYTES, Row
-from puretf._core.times import SECOND
+from puretf._core.times import SECOND, split
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
@@ -136,7 +136,7 @@ def _text(field: bytes) -> str:
 
 def split_stamp(stamp_ns: int) -> tuple[int, int]:
     """Split a time (ns) into sec and nanosec; raise a ValueError if sec does not fit an int32."""
-    sec, nanosec = divmod(stamp_ns, SECOND)
+    sec, nanosec = split(stamp_ns)
     if not -2**31 <= sec < 2**31:
         raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
     return sec, nanosec

@@ -8,10 +8,8 @@ from typing import Optional
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
 
-#: The largest number of messages in a sample; an even number.
-_MOST = 20_000
-#: The largest number of frames that these messages name, and of bytes in all their names.
-_MOST_FRAMES, _MOST_BYTES = 1000, 1_000_000
+#: The largest number of frames that these messages name.
+_MOST_FRAMES = 1000
 
 
 class Headers:
@@ -22,7 +20,10 @@ class Headers:
     added. If many messages are expected, this is done beforehand.
     """
 
-    def __init__(self, encoding: Encoding = cdr) -> None:
+    def __init__(self, encoding: Encoding = cdr, most: int = 20_000, most_bytes: int = 1_000_000
+                 ) -> None:
+        """Create an empty sample of at most `most` messages, whose names have `most_bytes`."""
+        self._most, self._most_bytes = most, most_bytes
         self._header, self._size, self._expected = encoding.header, 0, 0
         self.count = 0  #: the number of all messages
         self.step = 1  #: of so many messages, one is in the sample
@@ -35,7 +36,7 @@ class Headers:
     def expect(self, count: int) -> None:
         """Prepare for a number of messages that are going to come."""
         self._expected += count
-        while self._expected > _MOST * self.step:
+        while self._expected > self._most * self.step:
             self._halve()
 
     def _halve(self) -> None:
@@ -56,7 +57,7 @@ class Headers:
             return
         if (number := self._learn(name)) is None:
             return
-        if len(self.stamps) >= _MOST:
+        if len(self.stamps) >= self._most:
             self._halve()
         if 0 <= arrival < 2**63:
             self.frame_numbers.append(number)
@@ -71,7 +72,7 @@ class Headers:
     def _learn(self, name: bytes) -> Optional[int]:
         """Return the number of a frame; None if there are too many."""
         number = self._numbers.get(name)
-        if number is None and len(self._numbers) < _MOST_FRAMES and self._size <= _MOST_BYTES:
+        if number is None and len(self._numbers) < _MOST_FRAMES and self._size <= self._most_bytes:
             self._size += len(name)
             text = name.partition(b'\0')[0].decode('utf-8', 'replace')
             number = self._numbers[name] = self.frames.setdefault(text, len(self.frames))

@@ -9,7 +9,6 @@ from puretf import TransformBuffer
 from puretf.bag import BagError, is_bag, read
 from puretf_tools.cli.parser import add_namespace_option, CommandError, Parser, UsageError
 from puretf_tools.cli.progress import progress
-from puretf_tools.cli.signals import check_signals
 
 
 def add_bag_options(parser: Parser) -> None:
@@ -72,13 +71,9 @@ def bag_progress(bag: Sequence[str]) -> Iterator[Callable[[float], object]]:
 
     The target of `as` is the argument `on_progress` for `puretf.bag`; a signal ends it.
     """
-    def on_progress(done: float) -> None:
-        check_signals()
-        show_progress(done)
-
     try:
         with progress(1.0, desc=f'reading {Path(bag[0]).name}',
-                      bar_format='{desc} {bar} {percentage:.0f} %') as show_progress:
+                      bar_format='{desc} {bar} {percentage:.0f} %') as on_progress:
             yield on_progress
     except BagError as error:
         raise CommandError(str(error)) from None

@@ -14,7 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
-from puretf.formatting import namespace_path
+from puretf import namespace_path
 from puretf_tools.cli.fast_dds import destroy, remove_unfinished_ports
 from puretf_tools.cli.parser import CommandError, rcl_error_text, UsageError
 from puretf_tools.cli.signals import begin_cleanup, end_cleanup, signal_received
@@ -34,7 +34,21 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
     :raises CommandError: if ROS cannot be initialised, or if the node cannot be created.
     """
     with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
-        _spin_until_signal(create(make_node))
+        node, executor = create(make_node), SingleThreadedExecutor()
+        try:
+            executor.add_node(node)
+            while not signal_received():
+                executor.spin_once(timeout_sec=_LONGEST_WAIT)
+        except RuntimeError:
+            if node.context.ok():
+                raise
+            # A callback or another thread has shut down the context, so rcl failed.
+        finally:
+            begin_cleanup()
+            # If the context were shut down first, the garbage collection of the executor could
+            # fail.
+            executor.shutdown()
+            destroy(node)
     return 0
 
 
@@ -136,20 +150,3 @@ def _namespace_args(namespace: str) -> list[str]:
         raise UsageError(f'the argument {namespace!r} must be valid Unicode') from None
     return ['--ros-args', '-r', f'__ns:={path}', '-r', f'/tf:={path}/tf',
             '-r', f'/tf_static:={path}/tf_static']
-
-
-def _spin_until_signal(node: Node) -> None:
-    executor = SingleThreadedExecutor()
-    try:
-        executor.add_node(node)
-        while not signal_received():
-            executor.spin_once(timeout_sec=_LONGEST_WAIT)
-    except RuntimeError:
-        if node.context.ok():
-            raise
-        # A callback or another thread has shut down the context, so rcl failed.
-    finally:
-        begin_cleanup()
-        # If the context were shut down first, the garbage collection of the executor could fail.
-        executor.shutdown()
-        destroy(node)

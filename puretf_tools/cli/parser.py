@@ -10,7 +10,7 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
-from puretf.formatting import near_names, SECOND, visible
+from puretf import near_names, SECOND, visible
 from puretf_tools.cli.signals import record_signals, signal_received
 
 #: Decimal arithmetic that raises an exception instead of rounding.
@@ -38,12 +38,11 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print an error and the usage in one line on stderr, and exit with code 2."""
-        for argument in message.removeprefix('unrecognized arguments: ').split():
-            name = argument.split('=')[0]
-            near = [*(option for option in self._option_string_actions if option.startswith(name)),
-                    *near_names(name, self._option_string_actions, 0.75)]
-            if near and name.startswith('--') and message.startswith('unrecognized'):
-                message = f'{message} (did you mean {near[0]}?)'
+        if message.startswith(unknown := 'unrecognized arguments: '):
+            for argument in message.removeprefix(unknown).split():
+                near = near_names(argument.partition('=')[0], self._option_string_actions)
+                if near and argument.startswith('--'):
+                    message = f'{message} (did you mean {near[0]}?)'
         usage = ' '.join(self.format_usage().split())
         self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
 
@@ -77,19 +76,6 @@ def seconds(text: str) -> int:
             f'{text!r} must be a time in s, from 0 to 9223372036, with at most 9 digits after the '
             'point') from None
     return int(time)
-
-
-#: How long the commands listen by default, and at most (s).
-DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
-
-
-def listening_time(given: Optional[float]) -> float:
-    """Return how long a command listens (s); None: the default."""
-    time = DEFAULT_TIME if given is None else given
-    if not 0.0 < time <= _LONGEST_TIME:
-        raise UsageError(f'the time to listen must be more than 0 s, and at most '
-                         f'{_LONGEST_TIME:g} s, got {time:g}')
-    return time
 
 
 def run(parser: Parser, command: Callable[..., int],

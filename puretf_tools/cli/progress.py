@@ -1,17 +1,20 @@
-"""Progress bars on a terminal, and a wait with a progress bar."""
+"""Progress bars on a terminal, and waits with a progress bar: how long the commands listen."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import sys
 import time
-from typing import Any
+from typing import Any, Optional
 
-from puretf_tools.cli.signals import wait_until
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.cli.signals import check_signals, wait_until
 
 #: The format of a bar over a time (s).
 BAR = '{desc} {bar} {n:.1f} of {total:g} s'
 #: On a busy computer, discovery can take this long (s): Fast DDS announces itself every 3 s.
 DISCOVERY = 7.0
+#: How long the commands listen by default, and at most (s).
+DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
 
 
 @contextmanager
@@ -19,7 +22,8 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     """
     Show a bar if stderr is a terminal and `tqdm` is installed.
 
-    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3.
+    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3; a signal that was recorded
+    ends it, by KeyboardInterrupt.
 
     :param kwargs: arguments of `tqdm.tqdm`, such as `desc`.
     """
@@ -28,11 +32,15 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     except ImportError:
         tqdm = None
     if tqdm is None or not sys.stderr:
-        yield lambda done: None
+        yield lambda done: check_signals()
         return
     kwargs.setdefault('disable', None)  # unless stderr is a terminal
     with tqdm(total=total, leave=False, **kwargs) as bar:
-        yield lambda done: bar.update(done - bar.n)
+        def show(done: float) -> None:
+            check_signals()
+            bar.update(done - bar.n)
+
+        yield show
 
 
 def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:
@@ -44,6 +52,15 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
             return bool(until())
 
         return wait_until(seconds, holds)
+
+
+def listening_time(given: Optional[float]) -> float:
+    """Return how long a command listens (s); None: the default."""
+    time = DEFAULT_TIME if given is None else given
+    if not 0.0 < time <= _LONGEST_TIME:
+        raise UsageError(f'the time to listen must be more than 0 s, and at most '
+                         f'{_LONGEST_TIME:g} s, got {time:g}')
+    return time
 
 
 def listen(seconds: float, has_received: Callable[[], object],

@@ -18,8 +18,8 @@ def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = 
         description = None if file is None else parse(read(file))
     except DescriptionError as error:
         raise UsageError(str(error)) from None
+    from puretf_tools.robot.joint_senders import JointStatePublisher
     from puretf_tools.view.feed import LiveFeed
-    from puretf_tools.view.joint_control import JointStatePublisher
     from puretf_tools.view.page import show
     with spinning_node('joint_state_publisher', ros_args, namespace) as node:
         # With a file, what the network sends is not parsed.

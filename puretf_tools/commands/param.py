@@ -13,7 +13,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from yaml import safe_load, YAMLError
 
-from puretf.formatting import full_name, suggest_names
+from puretf import full_name, suggest_names
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DISCOVERY, wait

@@ -7,11 +7,10 @@ import secrets
 import string
 from typing import Optional
 
-from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-from puretf import StaticTransformBroadcaster
+from puretf import StaticTransformBroadcaster, Transform
 from puretf.rotations import quaternion_from_euler
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, number, Parser, run, UsageError
@@ -50,14 +49,12 @@ class StaticTransformPublisher(Node):
                 **values, 'frame_id': frame_id, 'child_frame_id': child_frame_id}.items():
             self.declare_parameter(
                 name, value, ParameterDescriptor(read_only=True), ignore_override=True)
-        message = TransformStamped(child_frame_id=child_frame_id)
-        message.header.frame_id = frame_id
-        message.header.stamp = self.get_clock().now().to_msg()
-        for name, value in values.items():
-            part, axis = name.split('.')
-            setattr(getattr(message.transform, part), axis, value)
+        x, y, z = translation
+        qx, qy, qz, qw = rotation
         self._broadcaster = StaticTransformBroadcaster(self)
-        self._broadcaster.sendTransform(message)
+        self._broadcaster.sendTransform(Transform(
+            self.get_clock().now().nanoseconds, frame_id, child_frame_id, (x, y, z),
+            (qx, qy, qz, qw)).to_message())
         self.get_logger().info(
             'Spinning until stopped - publishing transform\n'
             f'translation: ({_listed(translation)})\nrotation: ({_listed(rotation)})\n'

@@ -6,9 +6,8 @@ from math import degrees
 from time import monotonic
 from typing import Optional
 
-from puretf import Transform, TransformException
+from puretf import exact_time, SECOND, shortened, Transform, TransformException, visible
 from puretf.exceptions import tf2_words
-from puretf.formatting import exact_time, SECOND, shortened, visible_lines
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
@@ -91,7 +90,7 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
         while why := frame_listener.why_no_transform(source_frame, target_frame, time, say):
             node.get_logger().info(
                 f'Waiting for transform {shortened(source_frame)} ->  {shortened(target_frame)}: '
-                f'{visible_lines(why)}')
+                f'{_visible_lines(why)}')
             next_log = monotonic() + _LOG_PERIOD
             while monotonic() < next_log and not buffer.can_transform(
                     source_frame, target_frame, Time(nanoseconds=time)):
@@ -106,7 +105,7 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
             except TransformException as error:
                 words = tf2_words(error)
                 frames = buffer.all_frames_as_string()
-                print(visible_lines(
+                print(_visible_lines(
                     f'Failure at {frame_listener.now() / SECOND:.3f}\n'
                     f'Exception thrown:{say(str(error), words)}\n'
                     f'The current list of frames is:\n{frames}'))
@@ -118,6 +117,10 @@ def digits(text: str) -> int:
     if value != int(value):
         raise ArgumentTypeError(f'{text!r} is not a whole number')
     return int(value)
+
+
+def _visible_lines(text: str) -> str:
+    return '\n'.join(map(visible, text.split('\n')))
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

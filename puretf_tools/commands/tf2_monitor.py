@@ -1,22 +1,15 @@
 """The command `tf2_monitor`: print the rates and delays of received transforms repeatedly."""
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Sequence
+from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
-from puretf import TransformException
-from puretf.formatting import SECOND, shortened, visible
+from puretf import in_seconds, SECOND, shortened, TransformException, visible
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
-from puretf_tools.inspection.terminal import (
-    column_width,
-    is_terminal,
-    Once,
-    padded,
-    show,
-    width,
-    wrapped,
-)
-from puretf_tools.inspection.traffic import Delays, NodeTraffic, summarize, Traffic, WINDOW
+from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
+from puretf_tools.inspection.traffic import NodeTraffic, Traffic, WINDOW
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -31,7 +24,8 @@ class Chain:
     def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
         self._frame_listener, self.ends = frame_listener, ends
         self._say = Once(is_terminal())
-        self._ages = Delays()
+        #: The last times and delays (ns).
+        self._delays: deque[tuple[int, int]] = deque(maxlen=WINDOW * _SAMPLES)
         self._latest = 0  #: the time of the last call of `sample` (ns)
         self._common = 0  #: the newest time (ns) with data of the whole path; 0: it is static
         #: After a jump back in time, until the buffer is cleared: `_common` before it.
@@ -42,7 +36,7 @@ class Chain:
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
         if now < before - SECOND:
-            self._ages.clear()
+            self._delays.clear()
             self._stale = self._common
         try:
             buffer = self._frame_listener.buffer
@@ -53,13 +47,13 @@ class Chain:
             return
         self._stale = 0
         if self._common and now:  # now is 0 while no message has arrived on /clock
-            self._ages.add(now, now - self._common)
+            self._delays.append((now, now - self._common))
 
     def frames(self) -> list[str]:
         """Return the frames from the first to the last; none if there is no path."""
         first, last = self.ends
         try:
-            return self._frame_listener.buffer.chain(last, first)
+            return list(self._frame_listener.buffer.chain(last, first))
         except TransformException:
             return []
 
@@ -68,11 +62,12 @@ class Chain:
         if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
             return wrapped(f'Waiting for transform {shortened(first)} ->  {shortened(last)}: '
                            f'{visible(why)}')
-        age = summarize([self._ages], self._frame_listener.now())
+        begin = self._frame_listener.now() - WINDOW * SECOND
+        delays = [in_seconds(delay) for time, delay in self._delays if time >= begin]
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
                 'Net delay     none: all transforms are static, or the time is not known'
-                if age is None else
-                f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
+                if not delays else
+                f'Net delay     avg = {fmean(delays):.6f} s: max = {max(delays):.6f} s']
 
 
 def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
@@ -91,26 +86,25 @@ def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
         *_table('All Broadcasters:', 'node', nodes)]
 
 
-def _table(title: str, node_title: str, rows: Sequence[NodeTraffic]) -> Iterator[str]:
-    names = [f'  {shortened(row.frame)}' for row in rows]
-    columns = column_width([len(title), *map(width, names)])
-    yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {node_title}'
-    for name, row in zip(names, rows):
-        yield (f'{padded(name, columns)}{_rate_and_delays(row)}  '
-               f'{shortened(row.node)}{" (gone)" if row.is_present is False else ""}')
+def _table(title: str, node_title: str, rows: Sequence[NodeTraffic]) -> list[str]:
+    head = title, f'{"rate":>9}{"average delay":>16}{"max delay":>14}', node_title
+    return columns([head, *(
+        (f'  {shortened(row.frame)}', _rate_and_delays(row),
+         f'{shortened(row.node)}{" (gone)" if row.is_present is False else ""}')
+        for row in rows)])
 
 
 def _rate_and_delays(row: NodeTraffic) -> str:
-    """Return a text of at least 41 columns."""
+    """Return a text of at least 39 columns."""
     if row.is_static:
-        return f'{"static":>11}{"":30}'
+        return f'{"static":>9}{"":30}'
     if row.summary is None:
         silence = row.silence
         last = '' if silence is None else f'last received {silence:.1f} s ago'
-        return f'{last:>41}'
+        return f'{last:>39}'
     rate, average, maximum = row.summary
     hertz = '?' if rate is None else f'{rate:.1f}'
-    return f'{hertz:>8} Hz {average:13.6f} s {maximum:11.6f} s'
+    return f'{hertz:>6} Hz {average:13.6f} s {maximum:11.6f} s'
 
 
 def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None,
@@ -129,7 +123,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
         while True:
             dropped = 0
             for _ in range(_SAMPLES):
-                messages, newly_dropped = frame_listener.publisher_listener.received()
+                messages, newly_dropped = frame_listener.received()
                 traffic.observe(messages)
                 dropped += newly_dropped
                 if chain is not None:
@@ -140,7 +134,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
 
 def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
              dropped: int, say: Once) -> list[str]:
-    rows = traffic.by_node(frame_listener.publisher_listener)
+    rows = traffic.by_node(frame_listener)
     if not rows:
         return wrapped(frame_listener.nothing_received(say))
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))

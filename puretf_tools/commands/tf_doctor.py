@@ -12,37 +12,22 @@ import threading
 import time
 from typing import Any, Optional, TYPE_CHECKING
 
+from puretf import exact_time, in_seconds, TF_MESSAGE, visible
 from puretf.bag import messages, NOT_RECORDED, read, recordings
-from puretf.formatting import (
-    exact_time,
-    in_seconds,
-    SECTION_NAMES,
-    suggest_names,
-    TF_MESSAGE,
-    visible,
-)
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
-from puretf_tools.cli.parser import (
-    DEFAULT_TIME,
-    listening_time,
-    number,
-    Parser,
-    run,
-    seconds,
-    UsageError,
-)
-from puretf_tools.cli.progress import listen, progress
+from puretf_tools.cli.parser import number, Parser, run, seconds, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
 from puretf_tools.doctor.observation import Endpoint, in_words, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
-from puretf_tools.doctor.troubleshooting import find, section
+from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.feeds import OtherTopic
-from puretf_tools.inspection.terminal import column_width, wrapped
+from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
-from puretf_tools.robot.observed import RobotListener, robots_in_bag
+from puretf_tools.robot.observed import robots_in_bag
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,7 +71,10 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
                   *wrapped(f'{check.meaning} {check.remedy}', '    '), sep='\n')
         return 0
     if words is not None:
-        _print_sections(' '.join(words))
+        try:
+            print(explained(' '.join(words).strip()))
+        except ValueError as error:
+            raise UsageError(str(error)) from None
         return 0
     if ends:
         explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
@@ -101,20 +89,6 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
-
-
-def _print_sections(words: str) -> None:
-    """Print sections of docs/troubleshooting.md, or without words, the names of all."""
-    if not words.strip():
-        columns = column_width(map(len, SECTION_NAMES.values()))
-        for heading, name in SECTION_NAMES.items():
-            print(f'{name:{columns}}  {heading}')
-        return
-    headings = find(words)
-    if not headings:
-        names = (*SECTION_NAMES.values(), *CHECKS)
-        raise UsageError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
-    print('\n\n'.join('\n'.join(section(heading)) for heading in headings))
 
 
 def _explanation_data(explanation: Explanation) -> dict[str, Any]:
@@ -220,8 +194,7 @@ class _Listening:
         """Subscribe; keep transforms in the buffer for some time (s)."""
         from puretf_tools.inspection.frame_listener import FrameListener
         self.node = node
-        self.frame_listener = FrameListener(node, kept)
-        self.listener = self.frame_listener.publisher_listener
+        self.listener = FrameListener(node, kept)
         self.statistics = Statistics(SETTLING)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
@@ -230,7 +203,7 @@ class _Listening:
 
     def poll(self) -> None:
         """Count what has arrived."""
-        self.end = self.frame_listener.now()
+        self.end = self.listener.now()
         # Without simulated time, both are one clock; a pause between two looks at it would count.
         self.offset = (0 if not self.node.get_parameter('use_sim_time').value else
                        self.end - time.time_ns() if self.end else None)
@@ -240,75 +213,50 @@ class _Listening:
 
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
-    """Listen to transforms, and to the headers on other topics."""
+    """Listen to transforms and to what is beside them; add what the ROS graph knows."""
+    from puretf.publisher_listener import node_of, TransformSampler
     from puretf_tools.cli.node import spinning_node
+    from puretf_tools.inspection.clock_sampler import ClockSampler
+    from puretf_tools.inspection.header_sampler import HeaderSampler
+    from puretf_tools.robot.description_listener import RobotListener
     with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
         listening = _Listening(node)
-        samplers = _Samplers(node, *listening.frame_listener.topics)
-        stack.callback(samplers.close)
+        listener, statistics = listening.listener, listening.statistics
+        static, dynamic = listener.topics
+        headers, robots = HeaderSampler(node), RobotListener(node, dynamic)
+        transforms = TransformSampler(node, (static, dynamic))
+        clock = ClockSampler(node, lambda: {
+            *map(node_of, node.get_publishers_info_by_topic(dynamic)),
+            *robots.subscribers(dynamic), *chain.from_iterable(headers.senders().values())})
+        for sampler in clock, robots, transforms:
+            stack.callback(sampler.close)
 
         def poll() -> None:
-            listening.poll()
-            samplers.poll()
+            for each in listening, clock, headers, robots, transforms:
+                each.poll()
 
-        elapsed = listen(duration, listening.frame_listener.buffer.frame_names, poll)
-        return _observation(listening, samplers, f'in {elapsed:.1f} s')
-
-
-class _Samplers:
-    """What is read beside the transforms."""
-
-    def __init__(self, node: 'Node', static: str, dynamic: str) -> None:
-        from puretf.publisher_listener import TransformSampler
-        from puretf_tools.inspection.clock_sampler import ClockSampler
-        from puretf_tools.inspection.header_sampler import HeaderSampler
-        self._node, self._dynamic = node, dynamic
-        self.clock = ClockSampler(node, self._nodes_with_stamps)
-        self.headers, self.robots = HeaderSampler(node), RobotListener(node, dynamic)
-        self.transforms = TransformSampler(node, (static, dynamic))
-
-    def _nodes_with_stamps(self) -> set[str]:
-        from puretf.publisher_listener import node_of
-        return {*map(node_of, self._node.get_publishers_info_by_topic(self._dynamic)),
-                *self.robots.subscribers(self._dynamic),
-                *chain.from_iterable(self.headers.senders().values())}
-
-    def poll(self) -> None:
-        for sampler in self.clock, self.headers, self.robots, self.transforms:
-            sampler.poll()
-
-    def close(self) -> None:
-        for sampler in self.clock, self.robots, self.transforms:
-            sampler.close()
-
-
-def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Observation:
-    """Add what the ROS graph knows to what was received."""
-    node, frame_listener = listening.node, listening.frame_listener
-    statistics, listener = listening.statistics, listening.listener
-    static, dynamic = frame_listener.topics
-    sampler, robots, clock = samplers.headers, samplers.robots, samplers.clock
-    joint_senders = robots.senders()
-    left_out = [f'headers on {topic}: {why}' for topic, why in sorted(sampler.not_read.items())]
-    if listening.dropped:
-        left_out.append(f'{listening.dropped} messages: they arrived too fast')
-    return Observation(
-        statistics, where, (dynamic, static),
-        nodes=listener.names_of(statistics.publishers()),
-        present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
-        volatile_listeners=_volatile_listeners(node, static), headers=sampler.headers(),
-        senders=sampler.senders(), robots=robots.robots(), joint_senders=joint_senders,
-        joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
-        clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
-        tf_listeners=robots.subscribers(dynamic), other_transforms=[
-            OtherTopic(*each) for each in samplers.transforms.topics()],
-        tf_topics=[topic for topic, types in node.get_topic_names_and_types()
-                   if TF_MESSAGE in types and node.count_publishers(topic)],
-        not_known=_not_known(listening), left_out=left_out,
-        why_no_transforms=(
-            '' if statistics.count else frame_listener.why_no_frames().partition(' More: ')[0]),
-        other_namespaces=frame_listener.other_topics_hint(), end=listening.end,
-        clock_offset=listening.offset, clock_hint=_clock_hint(node))
+        elapsed = listen(duration, listener.buffer.frame_names, poll)
+        joint_senders = robots.senders()
+        left_out = [f'headers on {topic}: {why}'
+                    for topic, why in sorted(headers.not_read.items())]
+        if listening.dropped:
+            left_out.append(f'{listening.dropped} messages: they arrived too fast')
+        return Observation(
+            statistics, f'in {elapsed:.1f} s', (dynamic, static),
+            nodes=listener.names_of(statistics.publishers()),
+            present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
+            volatile_listeners=_volatile_listeners(node, static), headers=headers.headers(),
+            senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
+            joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
+            clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
+            tf_listeners=robots.subscribers(dynamic),
+            other_transforms=[OtherTopic(*each) for each in transforms.topics()],
+            tf_topics=[topic for topic, types in node.get_topic_names_and_types()
+                       if TF_MESSAGE in types and node.count_publishers(topic)],
+            not_known=_not_known(listening), left_out=left_out, why_no_transforms=(
+                '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
+            other_namespaces=listener.other_topics_hint(), end=listening.end,
+            clock_offset=listening.offset, clock_hint=_clock_hint(node))
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:
@@ -379,15 +327,15 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
     from puretf_tools.cli.node import spinning_node
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         listening = _Listening(node, max(10.0, duration) + _MARGIN)
-        frame_listener, statistics = listening.frame_listener, listening.statistics
-        buffer = frame_listener.buffer
+        listener, statistics = listening.listener, listening.statistics
+        buffer = listener.buffer
         listen(duration, buffer.frame_names, listening.poll)
-        nodes = listening.listener.names_of(statistics.publishers())
+        nodes = listener.names_of(statistics.publishers())
         explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
         if not buffer.frame_names():
             return explanation._replace(
-                why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
-        now = frame_listener.now()
+                why_not=f'No transform has been received. {listener.why_nothing()}')
+        now = listener.now()
     if not explanation.stamp or stamp:
         return explanation
     return explanation._replace(age=_age(now, explanation.stamp))

@@ -16,20 +16,11 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import TransformBuffer, TransformException
-from puretf.formatting import exact_time, SECOND, shortened, visible
+from puretf import exact_time, SECOND, shortened, TransformBuffer, TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import (
-    CommandError,
-    DEFAULT_TIME,
-    listening_time,
-    number,
-    Parser,
-    run,
-    UsageError,
-)
-from puretf_tools.cli.progress import listen, progress
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.inspection.terminal import is_terminal
 
@@ -87,7 +78,6 @@ class Trajectory:
         with progress(len(self.times), desc='looking up', disable=None if self._has_bar else True,
                       bar_format='{desc} {bar} {n} of {total} rows') as show_progress:
             for begin in range(0, len(self.times), _PART):
-                check_signals()
                 times = self.times[begin:begin + _PART]
                 yield self._part(times)
                 show_progress(begin + len(times))
@@ -251,14 +241,15 @@ def _record(target: str, source: str, seconds: float, namespace: str, ros_args: 
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('tf_trajectory', ros_args, namespace) as node:
         frame_listener = FrameListener(node, seconds + _MARGIN)
-        listen(seconds, frame_listener.buffer.frame_names)
+        buffer: BufferCore = frame_listener.buffer
+        listen(seconds, buffer.frame_names)
         try:
-            frame_listener.buffer.path_stamps(target, source)
+            buffer.path_stamps(target, source)
         except TransformException as error:
             why = frame_listener.why_no_transform(target, source)
             raise CommandError(why or str(error)) from None
     forget_signals()  # the first Ctrl-C has ended the recording; another one ends the command
-    return frame_listener.buffer
+    return buffer
 
 
 def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]

@@ -6,33 +6,16 @@ from pathlib import Path
 import sys
 from typing import Optional, TYPE_CHECKING
 
-from puretf import Frame
-from puretf.formatting import exact_time, in_seconds, shortened, suggest_names, visible
+from puretf import exact_time, Frame, in_seconds, shortened, suggest_names, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import (
-    CommandError,
-    DEFAULT_TIME,
-    listening_time,
-    number,
-    Parser,
-    run,
-    UsageError,
-)
-from puretf_tools.cli.progress import DISCOVERY, wait
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, DISCOVERY, listening_time, wait
 from puretf_tools.cli.signals import check_signals, sleep
-from puretf_tools.inspection.forest import Forest, frequency
+from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
-from puretf_tools.inspection.terminal import (
-    column_width,
-    height,
-    is_terminal,
-    Once,
-    padded,
-    show,
-    width,
-    wrapped,
-)
+from puretf_tools.inspection.terminal import columns, height, is_terminal, Once, show, wrapped
+from puretf_tools.inspection.traffic import rate_of
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -52,14 +35,14 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
     for branches, name, frame in islice(forest.lines(), max_lines):
         rate = age = ''
         if frame is not None and not frame.is_static:
-            hertz = frequency(frame)
+            hertz = rate_of(frame)
             rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
             age = _age(now, frame.latest)
-        rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,
-                     age, shortened(frame.authority) if frame else ''))
-    columns = column_width(len(branches) + width(name) for branches, name, *_ in rows)
-    return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {publisher}'
-            .rstrip() for branches, name, rate, age, publisher in rows]
+        elif frame is not None:
+            rate = 'static'
+        rows.append((branches + shortened(name), f'{rate:>9}', f'{age:>13}',
+                     shortened(frame.authority) if frame else ''))
+    return columns(rows)
 
 
 def _age(now: int, stamp: int) -> str:
@@ -116,7 +99,7 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
         discovery = max(DISCOVERY, seconds)
         if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
             raise CommandError(f'no transform was received within {discovery:g} s. '
-                               f'{frame_listener.why_no_frames()}')
+                               f'{frame_listener.why_nothing()}')
         wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
         now, frames = frame_listener.now(), frame_listener.frames()
         if hint := frame_listener.topics_hint():

@@ -8,18 +8,18 @@ from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
+from puretf import namespace_path, visible
 from puretf.bag import BagError
-from puretf.formatting import namespace_path, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST
-from puretf_tools.cli.parser import CommandError, listening_time, number, Parser, run, UsageError
-from puretf_tools.cli.progress import BAR, listen, progress
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.progress import BAR, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
+from puretf_tools.view.feed import BagFeed, Feed, LiveFeed
 
 if TYPE_CHECKING:
     from puretf_tools.view.export import Recording
-    from puretf_tools.view.feed import BagFeed, Feed
 
 _EXPORTED_TIME = 10.0
 
@@ -34,7 +34,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
     path = None if export is None else _html_path(export)
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if buffer := read_bag(bag, namespace, partial):
-        from puretf_tools.view.feed import BagFeed
         feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
         if path:
             read_descriptions(feed, bag, namespace, partial)
@@ -44,7 +43,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
                 target=_examine, args=(feed, bag, namespace, partial), daemon=True))
     else:
         from puretf_tools.cli.node import spinning_node
-        from puretf_tools.view.feed import LiveFeed
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             if path:
@@ -54,13 +52,13 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
     return 0
 
 
-def _examine(feed: 'BagFeed', bag: Sequence[str], namespace: str, partial: bool) -> None:
+def _examine(feed: BagFeed, bag: Sequence[str], namespace: str, partial: bool) -> None:
     with suppress(KeyboardInterrupt):  # the command ends
         read_descriptions(feed, bag, namespace, partial)
     find_faults(feed.findings, bag, namespace, partial)
 
 
-def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], namespace: str, partial: bool
+def read_descriptions(feed: BagFeed, bag: Optional[Sequence[str]], namespace: str, partial: bool
                       ) -> None:
     """Give a feed the descriptions of the robots below a namespace in a bag."""
     from puretf_tools.robot.descriptions import in_bag
@@ -88,7 +86,7 @@ def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: 
         pass  # the command ends
 
 
-def _recorded_bag(feed: 'BagFeed', seconds: Optional[float], meshes: Sequence[str]
+def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
                   ) -> 'Recording':
     from puretf_tools.view.export import PERIOD, Recording
     player, recording = feed.player, Recording(feed, meshes)
@@ -96,14 +94,13 @@ def _recorded_bag(feed: 'BagFeed', seconds: Optional[float], meshes: Sequence[st
     length = player.length if seconds is None else min(seconds, player.length)
     with progress(length, desc='recording', bar_format=BAR) as show_progress:
         for i in range(ceil(length / PERIOD) + 1):
-            check_signals()
             player.seek(min(length, i * PERIOD))
             recording.add(player.position, player.time)
             show_progress(player.position)
     return recording
 
 
-def recorded_live(feed: 'Feed', seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
+def recorded_live(feed: Feed, seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
     """Record for some time from the first transform on, or until Ctrl-C."""
     from puretf_tools.view.export import Recording
     recording = Recording(feed, meshes)
@@ -112,16 +109,11 @@ def recorded_live(feed: 'Feed', seconds: float, meshes: Sequence[str] = ()) -> '
     return recording
 
 
-def _export(recording: 'Recording', feed: 'Feed', path: Path) -> None:
-    if not recording.has_frames:
+def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
+    if not recording.moments:
         raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
     duration = recording.duration
-
-    def on_progress(done: float) -> None:
-        check_signals()
-        show_progress(done)
-
-    with progress(duration, desc='making the page', bar_format=BAR) as show_progress:
+    with progress(duration, desc='making the page', bar_format=BAR) as on_progress:
         page = recording.as_html(on_progress)
     with whole_file(path) as part:
         part.write_text(page, encoding='utf-8')
@@ -136,7 +128,7 @@ def _html_path(export: str) -> Path:
     return path
 
 
-def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str],
+def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str],
           examination: Optional[Thread] = None) -> None:
     from puretf_tools.view.page import show
     with suppress(KeyboardInterrupt):  # which is its normal end

@@ -10,10 +10,10 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame
-from puretf.formatting import (
+from puretf import (
     comma_list,
     exact_time,
+    Frame,
     is_slip,
     quoted,
     SECOND,
@@ -56,27 +56,6 @@ _MANY_REFUSED = 10
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: The names of this many roots are compared with those of the other frames.
 _MOST_ROOTS = 100
-#: By heading in docs/troubleshooting.md: the checks that it explains; 'Other faults' are the rest.
-SECTIONS = {
-    'Extrapolation into the future': ['gap', 'late', 'message_early'],
-    'Only one time is in the buffer': ['one_shot'],
-    'A frame does not exist': ['no_transforms', 'wrong_type', 'unknown_frame'],
-    'Two unconnected trees': ['disconnected', 'several_trees', 'similar_name'],
-    'TF_REPEATED_DATA': ['same_stamp'],
-    'The queue of a message filter is full': ['message_never'],
-    'Messages are earlier than all data in the cache': ['message_too_old'],
-    'use_sim_time and the wall clock': [
-        'other_clock', 'use_sim_time_differs', 'future', 'zero_stamp', 'message_other_clock',
-        'message_zero_stamp'],
-    'The QoS of /tf_static': ['static_not_latched', 'volatile_listener', 'incompatible_qos'],
-    'No static transforms from a bag': ['missing_part'],
-    'A frame jumps or flickers': [
-        'two_publishers', 'changing_parent', 'static_and_dynamic', 'jump'],
-    'A jump back in time': ['time_goes_back'],
-    'A leading slash, or a namespace': ['leading_slash', 'other_namespace'],
-    'Half of a robot is in a namespace': ['half_namespace'],
-    'Two nodes on /joint_states or /clock': ['two_joint_publishers', 'two_clocks']}
-_SECTION_OF = {code: heading for heading, codes in SECTIONS.items() for code in codes}
 _child_of = attrgetter('child')
 
 
@@ -121,6 +100,7 @@ class Check(NamedTuple):
     meaning: str  #: what the fault is
     remedy: str  #: what to do, in one sentence
     needs: str  #: what must be known, such as 'nodes'; '': nothing special
+    section: str  #: the heading in docs/troubleshooting.md
     find: _Find
 
 
@@ -128,10 +108,10 @@ class Check(NamedTuple):
 CHECKS: dict[str, Check] = {}
 
 
-def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = ''
-           ) -> Callable[[_Find], _Find]:
+def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = '',
+           section: str = 'Other faults') -> Callable[[_Find], _Find]:
     def add(find: _Find) -> _Find:
-        CHECKS[code] = Check(code, severity, meaning, remedy, needs, find)
+        CHECKS[code] = Check(code, severity, meaning, remedy, needs, section, find)
         return find
 
     return add
@@ -153,8 +133,7 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 check.code, fault.severity or check.severity, tuple(dict.fromkeys(frames)),
                 tuple(dict.fromkeys((*fault.topics, *topics))),
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
-                fault.remedy or check.remedy, _SECTION_OF.get(check.code, 'Other faults'),
-                fault.time))
+                fault.remedy or check.remedy, check.section, fault.time))
     return sorted((finding for finding in findings if not any(
         finding.code == code and _is_among(finding, names) for code, names in explained)),
         key=lambda finding: SEVERITIES.index(finding.severity))
@@ -185,7 +164,8 @@ def _hertz(track: Track) -> str:
 
 @_check('no_transforms', ERROR,
         'Nothing was received on /tf and /tf_static.',
-        'Start the nodes that publish transforms, in the same ROS domain.')
+        'Start the nodes that publish transforms, in the same ROS domain.',
+        section='A frame does not exist')
 def _no_transforms(observation: Observation) -> Iterator[_Fault]:
     is_explained = observation.other_namespaces or observation.recreated or any(
         endpoint.wrong_type for endpoint in observation.endpoints)
@@ -204,7 +184,7 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
         f'Messages on /tf or /tf_static have another type than {TF_MESSAGE}; no listener '
         'receives them.',
         'Send transforms with a TransformBroadcaster or a StaticTransformBroadcaster '
-        '(sendTransform), and other messages on another topic.')
+        '(sendTransform), and other messages on another topic.', section='A frame does not exist')
 def _wrong_type(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
         if endpoint.wrong_type:
@@ -216,7 +196,8 @@ def _wrong_type(observation: Observation) -> Iterator[_Fault]:
 @_check('two_publishers', ERROR,
         'Two publishers send the transform of one child at the same time, so the frame jumps '
         'between two poses.',
-        'Stop one of the publishers, or give its frame another name.', 'nodes')
+        'Stop one of the publishers, or give its frame another name.', 'nodes',
+        section='A frame jumps or flickers')
 def _two_publishers(observation: Observation) -> Iterator[_Fault]:
     pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
     again = {*chain.from_iterable(observation.recreated.values())}
@@ -263,7 +244,8 @@ def _many_publishers(observation: Observation) -> Iterator[_Fault]:
 @_check('changing_parent', ERROR,
         'The parent of a frame changes, so the tree has another shape at each change.',
         'Let only one parent be published for the frame; if it has to be in two trees, publish '
-        'the inverse of one transform, with parent and child exchanged.')
+        'the inverse of one transform, with parent and child exchanged.',
+        section='A frame jumps or flickers')
 def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     for child, tracks in observation.by_child.items():
         parents = [*dict.fromkeys(parent for track in tracks for parent in track.parents)]
@@ -276,7 +258,7 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
 @_check('static_and_dynamic', ERROR,
         'A frame is published on /tf and on /tf_static; listeners use sometimes one of the two '
         'transforms, and sometimes the other.',
-        'Publish the frame on one of the two topics only.')
+        'Publish the frame on one of the two topics only.', section='A frame jumps or flickers')
 def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
     for child, tracks in observation.by_child.items():
         counts = [sum(track['count'] for track in tracks if track.is_static == is_static)
@@ -305,7 +287,7 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
         'The headers of other messages name a frame that no transform leads to, so these '
         'messages cannot be transformed.',
         'Publish a transform to this frame, or correct the name in the program that sends the '
-        'messages.', 'headers')
+        'messages.', 'headers', section='A frame does not exist')
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     known = tuple(observation.tree_of)
     static = '' if any(track.is_static for track in observation.tracks) else (
@@ -346,7 +328,7 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
 @_check('disconnected', ERROR,
         'The headers of other messages name frames of different trees, so these messages cannot '
         'be transformed into one frame.',
-        'Publish a transform between the trees.', 'headers')
+        'Publish a transform between the trees.', 'headers', section='Two unconnected trees')
 def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own.
@@ -375,7 +357,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
 @_check('static_not_latched', ERROR,
         'A publisher on /tf_static does not keep its messages for later listeners.',
         'Give the publisher the durability TRANSIENT_LOCAL, or use a StaticTransformBroadcaster.',
-        'qos')
+        'qos', section='The QoS of /tf_static')
 def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
         if endpoint.unlatched:
@@ -388,7 +370,7 @@ def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
         'A subscription to /tf_static is not transient local: if it is created after a static '
         'transform was sent, it does not receive it.',
         'Use a TransformListener, or give the subscription the durability TRANSIENT_LOCAL.',
-        'listeners')
+        'listeners', section='The QoS of /tf_static')
 def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
     for node in observation.volatile_listeners:
         yield _Fault(f'1 subscription of {node or "a node"} to {observation.topics[1]} has the '
@@ -398,7 +380,7 @@ def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
 @_check('incompatible_qos', ERROR,
         'A listener receives nothing from a publisher, because their QoS do not match.',
         'Give the publisher the QoS of a TransformBroadcaster (reliable), or correct that of the '
-        'listener.', 'listeners')
+        'listener.', 'listeners', section='The QoS of /tf_static')
 def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
         if endpoint.mismatch and not endpoint.unlatched:
@@ -441,7 +423,7 @@ def _share(tracks: Sequence[Track], field: str) -> str:
         f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: they are '
         'from another clock, so lookups at the present time fail.',
         'Let all nodes use the same clock: set use_sim_time on all of them or on none, and '
-        'synchronise the clocks of the computers.')
+        'synchronise the clocks of the computers.', section='use_sim_time and the wall clock')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     # If one such stamp makes others old, `time_goes_back` says it.
     told = {observation.refused[track].by for track in observation.refused
@@ -478,7 +460,7 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
 @_check('zero_stamp', ERROR,
         'Transforms on /tf have the stamp 0, so lookups at any other time fail.',
         'Set the stamp to the time for which the transform is valid; with use_sim_time, wait '
-        'until /clock is received.')
+        'until /clock is received.', section='use_sim_time and the wall clock')
 def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
     # A simulation may begin with a single stamp 0.
     yield from _counted(observation, 'zero_stamps', 'with the stamp 0', lambda track: (
@@ -489,7 +471,8 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
         f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those of all '
         'transforms, so the messages cannot be transformed.',
         'Is one clock simulated, and the other that of the computer? Set use_sim_time on all '
-        'nodes or on none, and synchronise the clocks of the computers.', 'headers')
+        'nodes or on none, and synchronise the clocks of the computers.', 'headers',
+        section='use_sim_time and the wall clock')
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
                  default=0)
@@ -504,7 +487,8 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
 @_check('message_too_old', ERROR,
         f'When messages arrive, a listener that keeps transforms for {CACHE // SECOND} s has '
         'dropped those of their stamps.',
-        'Send the messages sooner, or give the listener a longer cache_time.', 'headers')
+        'Send the messages sooner, or give the listener a longer cache_time.', 'headers',
+        section='Messages are earlier than all data in the cache')
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.TOO_OLD):
         cache = int(topic.waits[found].max())
@@ -518,7 +502,8 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
 @_check('message_never', ERROR,
         'The transforms never reach the stamps of messages, so these wait in vain.',
         'Look at the node that publishes the frame: has it stopped, is its clock slow, or does it '
-        'send so rarely that --time must be longer?', 'headers')
+        'send so rarely that --time must be longer?', 'headers',
+        section='The queue of a message filter is full')
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.NEVER):
         topic, found = topics[0]
@@ -610,7 +595,8 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
 @_check('half_namespace', ERROR,
         'Transforms on other topics continue the tree: some nodes of a robot use /tf and '
         '/tf_static, and others those of a namespace, so no listener receives the whole tree.',
-        'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.')
+        'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.',
+        section='Half of a robot is in a namespace')
 def _half_namespace(observation: Observation) -> Iterator[_Fault]:
     for half in observation.halves:
         tracks = [track for track in observation.tracks if half.joint in (
@@ -627,9 +613,12 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
 @_check('two_joint_publishers', ERROR,
         'Two nodes send the position of the same joint, so robot_state_publisher mixes them: the '
         'frame jumps, or one of the two is ignored.',
-        'Stop one of the two nodes, or remap its topic.')
+        'Stop one of the two nodes, or remap its topic.',
+        section='Two nodes on /joint_states or /clock')
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
-    for topic, all_senders in observation.own_joint_senders.items():
+    for topic, all_senders in observation.joint_senders.items():
+        if not observation.is_own(topic):
+            continue
         groups: dict[tuple[Sender, ...], list[str]] = {}
         for name in sorted({name for sender in all_senders for name in sender.names}):
             if senders := rivals([each for each in all_senders if name in each.names]):
@@ -671,7 +660,7 @@ def _counts(senders: Sequence[Sender]) -> str:
         'Two nodes publish /clock, so the time jumps back and forth, and buffers of nodes that '
         'use it are cleared again and again.',
         'Let one node publish /clock: stop the other simulation or bridge, or play the bag '
-        'without --clock.')
+        'without --clock.', section='Two nodes on /joint_states or /clock')
 def _two_clocks(observation: Observation) -> Iterator[_Fault]:
     if senders := rivals(observation.clocks):
         times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
@@ -687,7 +676,8 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
 @_check('use_sim_time_differs', WARNING,
         'While /clock is published, the parameter use_sim_time is true in some nodes and false '
         'in others, so their stamps and lookups are on different clocks.',
-        'Set use_sim_time in all of these nodes (--ros-args -p use_sim_time:=true), or in none.')
+        'Set use_sim_time in all of these nodes (--ros-args -p use_sim_time:=true), or in none.',
+        section='use_sim_time and the wall clock')
 def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     answers = observation.use_sim_time
     using = [node for node, uses in answers.items() if uses]
@@ -732,7 +722,8 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 @_check('message_early', WARNING,
         f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
         'so lookups without a timeout fail.',
-        'Wait for the transforms, or let them be sent sooner.', 'headers')
+        'Wait for the transforms, or let them be sent sooner.', 'headers',
+        section='Extrapolation into the future')
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         topics.sort(key=lambda each: -each[0].quantiles()[2])
@@ -750,7 +741,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
 @_check('message_zero_stamp', WARNING,
         'Messages have the stamp 0, so every lookup takes the latest transform.',
         'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
-        'received.', 'headers')
+        'received.', 'headers', section='use_sim_time and the wall clock')
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
         yield _of_topic(observation, topic, found, 'have the stamp 0')
@@ -761,7 +752,8 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
         f'much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published any '
         'more; lookups in between interpolate over the gap or wait.',
         'Look at the node that publishes the frame: has it stopped, is it busy, does it lose '
-        'input, or does it publish only when something happens?')
+        'input, or does it publish only when something happens?',
+        section='Extrapolation into the future')
 def _gap(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(_has_gap):
         worst = max(tracks, key=itemgetter('largest_step'))
@@ -797,7 +789,7 @@ def _has_gap(track: Track) -> bool:
         f'A frame moves from one pose to the next {_JUMP} times as fast as it does otherwise; two '
         'publishers or a wrong measurement can be the cause.',
         'If two nodes publish the frame, stop one of them; otherwise, look at the node that '
-        'computes its pose.')
+        'computes its pose.', section='A frame jumps or flickers')
 def _jump(observation: Observation) -> Iterator[_Fault]:
     for track in observation.tracks:
         limit = _JUMP * track['usual_speed']
@@ -818,7 +810,7 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
 @_check('one_shot', WARNING,
         'A frame was sent once on /tf and never again, so it is in the past of all other frames.',
         'If it does not move, publish it on /tf_static, by a StaticTransformBroadcaster; '
-        'otherwise, publish it again and again.')
+        'otherwise, publish it again and again.', section='Only one time is in the buffer')
 def _one_shot(observation: Observation) -> Iterator[_Fault]:
     end = max([observation.end, *(track['last_time'] for track in observation.tracks)])
     once = {track for tracks in observation.by_child.values()
@@ -833,7 +825,8 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
         f'Transforms arrive more than {LATE / SECOND:g} s after their stamp; lookups at the '
         'present time wait for them.',
         'Look at the node that publishes the frame and at the network: one of them is too slow, '
-        'or the clocks of two computers differ.', 'arrivals')
+        'or the clocks of two computers differ.', 'arrivals',
+        section='Extrapolation into the future')
 def _late(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
@@ -852,7 +845,8 @@ def _is_frequent(track: Track, field: str) -> bool:
 @_check('future', WARNING,
         f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.',
         'Synchronise the clocks of the computers; some localisation nodes date their transforms '
-        'into the future on purpose (transform_tolerance).', 'arrivals')
+        'into the future on purpose (transform_tolerance).', 'arrivals',
+        section='use_sim_time and the wall clock')
 def _future(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'future')):
         worst = min(tracks, key=itemgetter('least_delay'))
@@ -865,7 +859,7 @@ def _future(observation: Observation) -> Iterator[_Fault]:
         f'A stamp is earlier than the one before it; listeners refuse those that are more than '
         f'{CACHE // SECOND} s earlier.',
         'Send the transforms of a frame in the order of their stamps; if a simulation or a bag '
-        'was started again, restart the listeners, too.')
+        'was started again, restart the listeners, too.', section='A jump back in time')
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: track['backwards'] or (
             _is_refused_for_another(observation, track))):
@@ -910,7 +904,7 @@ def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
         'Two transforms of a frame have the same stamp and different poses; which of them is '
         'used depends on the listener.',
         'Set the stamp of each transform to its own time; if two nodes publish the frame, stop '
-        'one of them.')
+        'one of them.', section='TF_REPEATED_DATA')
 def _same_stamp(observation: Observation) -> Iterator[_Fault]:
     yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
                         'pose', lambda track: not track.is_static)
@@ -919,7 +913,7 @@ def _same_stamp(observation: Observation) -> Iterator[_Fault]:
 @_check('leading_slash', WARNING,
         'The name of a frame begins with a slash, as in ROS 1; tf2 refuses lookups of such a '
         'name.',
-        'Leave out the slash.')
+        'Leave out the slash.', section='A leading slash, or a namespace')
 def _leading_slash(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(attrgetter('slashed')):
         names = sorted({name for track in tracks for name in track.slashed})
@@ -947,7 +941,7 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
 @_check('similar_name', WARNING,
         'The root of a tree has almost the same name as a frame of another tree; it may be a '
         'mistake in the name that separates the trees.',
-        'If both are the same frame, use the same name.')
+        'If both are the same frame, use the same name.', section='Two unconnected trees')
 def _similar_name(observation: Observation) -> Iterator[_Fault]:
     roots = [root for tree in observation.trees for root in observation.roots(tree)]
     seen = set()
@@ -971,7 +965,8 @@ def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
 
 @_check('other_namespace', WARNING,
         'Nothing publishes on /tf, but there are transforms on the topic tf of a namespace.',
-        'Use the option that is named above, or publish on /tf and /tf_static.')
+        'Use the option that is named above, or publish on /tf and /tf_static.',
+        section='A leading slash, or a namespace')
 def _other_namespace(observation: Observation) -> Iterator[_Fault]:
     if observation.other_namespaces:
         yield _Fault(observation.other_namespaces, topics=observation.topics[:1])
@@ -979,7 +974,8 @@ def _other_namespace(observation: Observation) -> Iterator[_Fault]:
 
 @_check('missing_part', WARNING,
         'Only later parts of a split recording were read, and they have no static transforms.',
-        'Read all parts of the recording: give its directory, or all its files.')
+        'Read all parts of the recording: give its directory, or all its files.',
+        section='No static transforms from a bag')
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
     if observation.missing_part:
         yield _Fault(observation.missing_part, topics=observation.topics[1:])
@@ -1008,7 +1004,8 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
 
 @_check('several_trees', INFO,
         'The transforms form several trees; lookups from one to another fail.',
-        'If the trees belong to one robot, publish a transform between them.')
+        'If the trees belong to one robot, publish a transform between them.',
+        section='Two unconnected trees')
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     if len(observation.trees) > 1:
         roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from itertools import takewhile
 from typing import NamedTuple, TYPE_CHECKING
 
-from puretf import Frame
-from puretf.formatting import exact_time, in_seconds, shortened, visible
-from puretf_tools.inspection.forest import frequency, self_and_ancestors
-from puretf_tools.inspection.terminal import column_width, padded, width, wrapped
+from puretf import exact_time, Frame, in_seconds, shortened, visible
+from puretf_tools.inspection.forest import self_and_ancestors
+from puretf_tools.inspection.terminal import columns, wrapped
+from puretf_tools.inspection.traffic import rate_of
 
 if TYPE_CHECKING:
     from puretf import BufferCore, TransformBuffer
@@ -29,14 +29,13 @@ class Explanation(NamedTuple):
         first, second = map(shortened, self.ends)
         rows = [[f'{shortened(frame.parent)} -> {shortened(frame.name)}',
                  'static' if frame.is_static else
-                 '?' if (rate := frequency(frame)) is None else f'{rate:.1f} Hz',
+                 '?' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz',
                  '' if frame.is_static else
                  f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
                  shortened(frame.authority)] for frame in self.path]
-        widths = [column_width(map(width, column)) for column in zip(*rows)]
         lines = []
-        for row, frame in zip(rows, self.path):
-            lines.append('  '.join(map(padded, row, widths)).rstrip())
+        for line, frame in zip(columns(rows), self.path):
+            lines.append(line)
             if refusal := self.refusals[frame.name]:
                 lines += wrapped(f'No pose at that time: {refusal}.', '    ')
         if lines:
@@ -64,26 +63,18 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
     :param publishers: by child: the names of the nodes that publish it.
     """
     with buffer.updated():  # so that all that follows describes the same state
-        explanation = _explain(buffer, ends, stamp, publishers)
-    if not explanation.why_not:
-        return explanation
+        why_not = buffer.why_not(*ends, stamp)
+        frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
+                  for frame in buffer.frames()}
+        path, _ = _path(frames, ends)
+        time = stamp or min((frame.latest for frame in path if frame.latest), default=0)
+        # At this time, frames may have had other parents.
+        for frame in buffer.frames(time):
+            frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
+    path, roots = _path(frames, ends)
     # The hint about the publishers needs the lock to be free.
-    return explanation._replace(why_not=buffer.why_not(*ends, stamp) or explanation.why_not)
-
-
-def _explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str],
-             stamp: int, publishers: Mapping[str, str]) -> Explanation:
-    why_not = buffer.why_not(*ends, stamp)
-    frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
-              for frame in buffer.frames()}
-    path, roots = _path(frames, ends)
-    stamp = stamp or min((frame.latest for frame in path if frame.latest), default=0)
-    # At this time, frames may have had other parents.
-    for frame in buffer.frames(stamp):
-        frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
-    path, roots = _path(frames, ends)
-    return Explanation(ends, stamp, path, {frame.name: _refusal(frame, stamp) for frame in path},
-                       roots, why_not)
+    return Explanation(ends, time, path, {frame.name: _refusal(frame, time) for frame in path},
+                       roots, why_not and (buffer.why_not(*ends, stamp) or why_not))
 
 
 def _path(frames: Mapping[str, Frame], ends: tuple[str, str]

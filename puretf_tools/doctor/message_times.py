@@ -13,9 +13,10 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
+from puretf import SECOND
 from puretf.bag import Headers
-from puretf.formatting import SECOND
-from puretf_tools.doctor.tf_statistics import LATEST, OTHER_CLOCK
+from puretf_tools.doctor.tf_statistics import OTHER_CLOCK
+from puretf_tools.inspection.traffic import LATEST
 
 #: A message that waits at least this long (ns) is reported.
 LONG_WAIT = SECOND // 10

@@ -7,24 +7,20 @@ from functools import cached_property
 from itertools import chain, pairwise
 from operator import itemgetter
 import os
-from typing import NamedTuple, Optional, TYPE_CHECKING
+from typing import NamedTuple, Optional
 
 import numpy as np
 
-from puretf.bag import Headers, messages, missing_part, NOT_RECORDED, Topic
-from puretf.formatting import comma_list, namespace_path, SECOND
+from puretf import comma_list, namespace_path, SECOND
+from puretf.bag import Headers, messages, missing_part, NOT_RECORDED, Paths, Topic
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Half, halves, OtherTopic, Sender
 from puretf_tools.inspection.robots import prefix, Robot
 from puretf_tools.inspection.traffic import recreated
 
-if TYPE_CHECKING:
-    from puretf.bag import Paths
-
 #: A function of a bag, `partial` and `on_progress`, as of `puretf.bag.read`.
-ReadRobots = Callable[
-    ['Paths', bool, Optional[Callable[[float], object]]], Sequence[Robot]]
+ReadRobots = Callable[[Paths, bool, Optional[Callable[[float], object]]], Sequence[Robot]]
 #: The largest number of names in a text.
 SHOWN = 5
 
@@ -154,7 +150,7 @@ class Observation:
         """By frame: the index of its tree in `trees`."""
         return {name: i for i, tree in enumerate(self.trees) for name in tree}
 
-    def _is_own(self, topic: str) -> bool:
+    def is_own(self, topic: str) -> bool:
         """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
         namespace = self.topics[0].rpartition('/')[0]
         namespaces = {namespace, *(name.rpartition('/')[0] for name in self.tf_topics)}
@@ -165,19 +161,13 @@ class Observation:
     @cached_property
     def own_headers(self) -> dict[str, Headers]:
         """Those `headers` whose nearest namespace with transforms is that of `topics`."""
-        return {topic: headers for topic, headers in self.headers.items() if self._is_own(topic)}
+        return {topic: headers for topic, headers in self.headers.items() if self.is_own(topic)}
 
     @cached_property
     def own_robots(self) -> list[tuple[Robot, str]]:
         """Those `robots` whose namespace is that of `topics`, and the prefix of their frames."""
         return [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
-                for robot in self.robots if self._is_own(robot.topic)]
-
-    @cached_property
-    def own_joint_senders(self) -> dict[str, Sequence[Sender]]:
-        """Those `joint_senders` whose namespace is that of `topics`."""
-        return {topic: senders for topic, senders in self.joint_senders.items()
-                if self._is_own(topic)}
+                for robot in self.robots if self.is_own(robot.topic)]
 
     @cached_property
     def halves(self) -> list[Half]:
@@ -314,13 +304,13 @@ def in_words(nanoseconds: float) -> str:
     return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
 
 
-def name_of(bag: 'Paths') -> str:
+def name_of(bag: Paths) -> str:
     """Return the path of a bag for texts; of several files, the first."""
     paths = [bag] if isinstance(bag, (str, os.PathLike)) else [*bag]
     return str(paths[0]) if paths else ''
 
 
-def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
+def observe_bag(bag: Paths, namespace: str = '', partial: bool = False,
                 on_progress: Optional[Callable[[float], object]] = None,
                 read_robots: Optional[ReadRobots] = None) -> Observation:
     """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""

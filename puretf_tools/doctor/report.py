@@ -2,22 +2,14 @@
 
 from collections.abc import Callable, Collection, Sequence
 import os
-from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
+from typing import Any, NamedTuple, Optional, Union
 
-from puretf.formatting import comma_list, see, shortened, suggest_names, visible
+from puretf import comma_list, see, shortened, suggest_names, visible
+from puretf.bag import Paths
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
 from puretf_tools.doctor.message_times import Verdict
-from puretf_tools.doctor.observation import (
-    name_of,
-    Observation,
-    observe_bag,
-    ReadRobots,
-    SHOWN,
-)
+from puretf_tools.doctor.observation import name_of, Observation, observe_bag, ReadRobots, SHOWN
 from puretf_tools.inspection.terminal import wrapped
-
-if TYPE_CHECKING:
-    from puretf.bag import Paths
 
 
 class Report(NamedTuple):
@@ -62,7 +54,7 @@ class Report(NamedTuple):
         return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
 
 
-def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = (),
+def examine(observed: Union[Paths, Observation], *, ignore: Collection[str] = (),
             namespace: str = '', partial: bool = False,
             on_progress: Optional[Callable[[float], object]] = None,
             read_robots: Optional[ReadRobots] = None) -> Report:
@@ -97,7 +89,7 @@ def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = 
         f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
 
 
-def examine_bag(bag: 'Paths', *, ignore: Collection[str] = (), namespace: str = '',
+def examine_bag(bag: Paths, *, ignore: Collection[str] = (), namespace: str = '',
                 partial: bool = False, on_progress: Optional[Callable[[float], object]] = None,
                 read_robots: Optional[ReadRobots] = None) -> dict[str, Any]:
     """

@@ -13,8 +13,9 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf.formatting import SECOND, shortened
+from puretf import SECOND, shortened
 from puretf.transform_table import Message, transform_tables, TransformTable
+from puretf_tools.inspection.traffic import Counts, DELAYS, rate
 
 #: A stamp that is farther than this from the time of arrival (ns) is from another clock.
 OTHER_CLOCK = 60 * SECOND
@@ -35,11 +36,9 @@ SMALLEST_JUMP, _LONGEST_MOVE, _SHORTEST_MOVE = 0.2, SECOND // 2, 0.02
 #: The histogram of the speeds of jumps: the number of bins for a factor of two, and of all. The
 #: first bin begins at the least possible speed.
 _JUMPS_PER_OCTAVE, _JUMPS = 4, 80
-_MOST_TRACKS = 10_000
-#: Times of arrival (ns) are limited to this, so that no difference from a stamp exceeds int64.
-LATEST = 2**63 - 1 - 2**31 * SECOND
 
 _FIELDS = np.dtype([
+    *DELAYS,
     ('count', 'i8'),  # the number of transforms
     ('invalid', 'i8'),  # of those: with NaN or infinite numbers
     ('unnormalized', 'i8'),  # with a quaternion whose norm is not 1
@@ -57,11 +56,8 @@ _FIELDS = np.dtype([
     ('largest_speed', 'f8'), ('jump', 'f8'), ('jump_at', 'i8'),  # the move at the largest speed
     ('jumps', 'i8', _JUMPS),  # the histogram of the speeds of moves of `SMALLEST_JUMP` or more
     ('first_time', 'i8'), ('last_time', 'i8'),  # the range of the times of arrival (ns)
-    ('delays', 'i8'),  # the number of transforms whose delay is known: the time to the arrival
-    ('total_delay', 'f8'),  # their sum (ns)
-    ('least_delay', 'i8'), ('greatest_delay', 'i8'),  # their range (ns)
-    ('late', 'i8'), ('future', 'i8'),  # how many of them are late or from the future
-    ('foreign', 'i8'),  # how many of them are so large that the stamp is from another clock
+    ('late', 'i8'), ('future', 'i8'),  # how many delays are late or from the future
+    ('foreign', 'i8'),  # how many delays are so large that the stamp is from another clock
     ('steps', 'i8', _BINS),  # the histogram of the steps forward
     ('largest_step', 'i8'), ('largest_step_at', 'i8'),  # the largest step, and the stamp before it
 ])
@@ -75,15 +71,12 @@ class Track:
         self.publisher, self.is_static = publisher, is_static
         self.parents: dict[str, None] = {}  #: the newest parent is the last one
         self.slashed: set[str] = set()  #: the names that were sent with a leading slash
-        self._values: Any = np.zeros((), _FIELDS)
+        self.values: Any = np.zeros((), _FIELDS)
 
     def __getitem__(self, field: str) -> Any:
         """Return one of the statistics in `_FIELDS`; a number as an int or float of Python."""
-        value = self._values[field]  # numbers of numpy overflow
+        value = self.values[field]  # numbers of numpy overflow
         return value if value.ndim else value.item()
-
-    def update(self, values: Any) -> None:
-        self._values = values
 
     @property
     def mean_delay(self) -> float:
@@ -102,9 +95,7 @@ class Track:
     @property
     def rate(self) -> Optional[float]:
         """The average rate, by stamps (Hz); None if it is not known."""
-        span = int(self['latest'] - self['oldest'])
-        count = self['count'] - self['zero_stamps']
-        return float((count - 1) * SECOND / span) if span > 0 else None
+        return rate(self['count'] - self['zero_stamps'], self['oldest'], self['latest'])
 
     def jumps_beyond(self, speed: float) -> int:
         """Count the jumps that are faster than a speed (m/s plus rad/s), within 20 %."""
@@ -121,22 +112,14 @@ class Track:
         return int(self['steps'][1 + ceil(log2(step / _FIRST_BIN) * _BINS_PER_OCTAVE):].sum())
 
 
-class Statistics:
+class Statistics(Counts):
     """The statistics of all tracks."""
 
-    def __init__(self, settling: int = 0) -> None:
-        """
-        Ignore the delays of a publisher for a time (ns) after its first message.
+    fields, most_tracks = _FIELDS, 10_000
 
-        These messages may have waited until the publisher had discovered the subscription.
-        """
-        self.settling = settling
-        #: By publisher: the time of arrival of the first message (ns).
-        self._since: dict[str, int] = {}
-        self._tracks: dict[tuple[str, str, bool], Track] = {}
-        self._values: Any = np.zeros(16, _FIELDS)  #: by the number of the track
-        #: The number of counted transforms, and of those left out as there are too many tracks.
-        self.count = self.not_counted = 0
+    def __init__(self, settling: int = 0) -> None:
+        super().__init__(settling)
+        self._tracks: list[Track] = []  #: by their numbers
         self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
@@ -147,13 +130,13 @@ class Statistics:
 
     def tracks(self) -> list[Track]:
         """Return the tracks, in the order of their first messages."""
-        for track, values in zip(self._tracks.values(), self._values):
-            track.update(values)
-        return [*self._tracks.values()]
+        for track, values in zip(self._tracks, self._values):
+            track.values = values
+        return [*self._tracks]
 
     def publishers(self) -> set[str]:
         """Return all publishers, including those that sent only transforms with an empty name."""
-        return {publisher for _, publisher, _ in self._tracks} | {
+        return {track.publisher for track in self._tracks} | {
             publisher for publisher, _ in self.empty_names}
 
     def publishers_by_child(self, nodes: Mapping[str, str]) -> dict[str, str]:
@@ -163,8 +146,8 @@ class Statistics:
         :param nodes: by publisher: the name of its node, if the two differ.
         """
         names: dict[str, dict[str, None]] = {}
-        for child, publisher, _ in self._tracks:
-            names.setdefault(child, {})[nodes.get(publisher, publisher)] = None
+        for track in self._tracks:
+            names.setdefault(track.child, {})[nodes.get(track.publisher, track.publisher)] = None
         return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
 
     def span_of_arrivals(self) -> tuple[int, ...]:
@@ -196,20 +179,10 @@ class Statistics:
         for table in transform_tables(messages, lambda error: self.malformed.update([str(error)])):
             self.add(table, offset)
 
-    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
-        """
-        Count transforms.
-
-        :param offset: the clock of the stamps minus that of the arrivals (ns); None: not known.
-        """
-        columns = [self._number(table, *edge) for edge in table.edges]
-        kept = [i for i, number in enumerate(columns) if number is not None]
-        if not kept:
-            return
-        self.count += len(table.times) * len(kept)
-        numbers = np.array([columns[i] for i in kept])
-        stamps, poses = table.stamps[:, kept], table.poses[:, kept]
-        values = self._values[numbers]
+    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable,
+               offset: Optional[int]) -> None:
+        super()._count(values, numbers, table, offset)
+        stamps, poses = table.stamps, table.poses
         is_new = values['count'] == 0
         before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
         is_compared = np.ones_like(stamps, np.bool_) if table.is_static else (
@@ -221,19 +194,22 @@ class Statistics:
             _add_stamps(values, stamps, before)
         is_timed = table.times != 0
         if is_timed.any():
-            times = table.times[is_timed].clip(-LATEST, LATEST)
+            times = table.times[is_timed]
             if not table.is_static:
                 self._keep(numbers, times, stamps[is_timed])
             if offset is not None:
-                times = times + offset
-                _add_times(values, times)
-                since = self._since.setdefault(table.publisher, int(times.min()))
-                is_settled = (times >= since + self.settling) | (self.settling == 0)
-                if not table.is_static and is_settled.any():
-                    _add_delays(values, times[is_settled], stamps[is_timed][is_settled])
+                _add_times(values, times + offset)
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
-        self._values[numbers] = values
+
+    def _count_delays(self, values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]
+                      ) -> None:
+        super()._count_delays(values, times, stamps)
+        delays = times[:, None] - stamps
+        is_near = (stamps != 0) & (np.abs(delays) <= OTHER_CLOCK)
+        values['foreign'] += ((stamps != 0) & ~is_near).sum(axis=0)
+        values['late'] += (is_near & (delays > LATE)).sum(axis=0)
+        values['future'] += (is_near & (delays < -FUTURE)).sum(axis=0)
 
     def _keep(self, numbers: NDArray[np.intp], times: NDArray[np.int64],
               stamps: NDArray[np.int64]) -> None:
@@ -252,19 +228,15 @@ class Statistics:
             others = self.empty_names.setdefault((table.publisher, table.is_static), Counter())
             others[''.join(names)] += len(table.times)
             return None
-        key = names[1], table.publisher, table.is_static
-        track = self._tracks.get(key)
-        if track is None:
-            if len(self._tracks) >= _MOST_TRACKS:
-                self.not_counted += len(table.times)
-                return None
-            if len(self._tracks) == len(self._values):
-                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
-            track = self._tracks[key] = Track(len(self._tracks), *key)
-        track.parents.pop(names[0], None)
-        track.parents[names[0]] = None
-        track.slashed.update(name for name in (parent, child) if name.startswith('/'))
-        return track.number
+        number = super()._number(table, parent, child)
+        if number is not None:
+            if number == len(self._tracks):
+                self._tracks.append(Track(number, names[1], table.publisher, table.is_static))
+            track = self._tracks[number]
+            track.parents.pop(names[0], None)
+            track.parents[names[0]] = None
+            track.slashed.update(name for name in (parent, child) if name.startswith('/'))
+        return number
 
 
 # Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.
@@ -317,11 +289,7 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
     values['speed'], values['pose_before'] = speeds[-1], chain[-2]
     if moves.max() >= SMALLEST_JUMP:
         usual = np.minimum(usual, _distances(chain[2:], chain[:-2]) / (2.0 * spans))
-        at = speeds.argmax(axis=0)[None]
-        fastest = [np.take_along_axis(each, at, 0)[0] for each in (speeds, moves, stamps)]
-        is_larger = fastest[0] > values['largest_speed']
-        for name, value in zip(('largest_speed', 'jump', 'jump_at'), fastest):
-            values[name] = np.where(is_larger, value, values[name])
+        _keep_largest(values, largest_speed=speeds, jump=moves, jump_at=stamps)
         rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
         bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
         indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
@@ -356,38 +324,24 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
     steps = np.where(is_zero | (before == 0), 0, stamps - before)
     values['backwards'] += (steps < 0).sum(axis=0)
-    for name, lengths in ('largest_step', steps), ('step_back', -steps):
-        at = lengths.argmax(axis=0)[None]
-        length, begin = (np.take_along_axis(each, at, 0)[0] for each in (lengths, before))
-        is_larger = length > values[name]
-        values[name] = np.where(is_larger, length, values[name])
-        values[f'{name}_at'] = np.where(is_larger, begin, values[f'{name}_at'])
+    _keep_largest(values, largest_step=steps, largest_step_at=before)
+    _keep_largest(values, step_back=-steps, step_back_at=before)
     forward, columns = steps > 0, np.arange(steps.shape[1])
     bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
     indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]
     values['steps'] += np.bincount(indices, minlength=len(columns) * _BINS).reshape(-1, _BINS)
 
 
+def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:
+    """Keep the row of (m, n) columns where the first is largest, if it is larger than before."""
+    first = next(iter(columns))
+    at = columns[first].argmax(axis=0)[None]
+    is_larger = np.take_along_axis(columns[first], at, 0)[0] > values[first]
+    for name, column in columns.items():
+        values[name] = np.where(is_larger, np.take_along_axis(column, at, 0)[0], values[name])
+
+
 def _add_times(values: Any, times: NDArray[np.int64]) -> None:
     is_new = values['first_time'] == 0
     values['first_time'] = np.where(is_new, times.min(), values['first_time'])
     values['last_time'] = np.maximum(values['last_time'], times.max())
-
-
-def _add_delays(values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]) -> None:
-    """Count the delays from (m, n) stamps to (m,) times of arrival (ns)."""
-    delays = times[:, None] - stamps
-    known = stamps != 0
-    limits = np.iinfo(np.int64)
-    is_new = values['delays'] == 0
-    least = np.where(known, delays, limits.max).min(axis=0)
-    greatest = np.where(known, delays, limits.min).max(axis=0)
-    values['least_delay'] = np.where(is_new, least, np.minimum(least, values['least_delay']))
-    values['greatest_delay'] = np.where(
-        is_new, greatest, np.maximum(greatest, values['greatest_delay']))
-    values['delays'] += known.sum(axis=0)
-    values['total_delay'] += np.where(known, delays, 0).sum(axis=0, dtype=np.float64)
-    is_near = known & (np.abs(delays) <= OTHER_CLOCK)
-    values['foreign'] += (known & ~is_near).sum(axis=0)
-    values['late'] += (is_near & (delays > LATE)).sum(axis=0)
-    values['future'] += (is_near & (delays < -FUTURE)).sum(axis=0)

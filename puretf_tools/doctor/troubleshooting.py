@@ -4,27 +4,40 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-from puretf.formatting import SECTION_NAMES
-from puretf_tools.doctor.checks import CHECKS, SECTIONS
-from puretf_tools.inspection.terminal import wrapped
+from puretf import SECTION_NAMES, suggest_names
+from puretf_tools.doctor.checks import CHECKS
+from puretf_tools.inspection.terminal import columns, wrapped
 
 _HERE = Path(__file__).resolve()
 #: The page is installed beside this module (see setup.py); in a checkout, it is in docs/.
 _PAGES = _HERE.with_suffix('.md'), _HERE.parents[2] / 'docs' / 'troubleshooting.md'
 
 
-def find(words: str) -> list[str]:
+def explained(words: str) -> str:
+    """
+    Return the sections that some words mean; without words, the names of all.
+
+    :raises ValueError: if they mean none.
+    """
+    if not words:
+        return '\n'.join(columns([(name, heading) for heading, name in SECTION_NAMES.items()]))
+    if headings := _find(words):
+        return '\n\n'.join('\n'.join(_section(heading)) for heading in headings)
+    names = (*SECTION_NAMES.values(), *CHECKS)
+    raise ValueError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
+
+
+def _find(words: str) -> list[str]:
     """Return the headings that a short name, the code of a finding, or words of headings mean."""
     if headings := [heading for heading, name in SECTION_NAMES.items() if name == words]:
         return headings
     if words in CHECKS:
-        return [heading for heading, codes in SECTIONS.items() if words in codes] or [
-            'Other faults']
+        return [CHECKS[words].section]
     return [heading for heading in SECTION_NAMES
             if all(word in heading.lower() for word in words.lower().split())]
 
 
-def section(heading: str) -> Iterator[str]:
+def _section(heading: str) -> Iterator[str]:
     """Yield the lines of a section: wrapped paragraphs without links, and indented code."""
     page = next(path for path in _PAGES if path.exists()).read_text(encoding='utf-8')
     body = page.partition(f'\n## {heading}\n')[2].partition('\n## ')[0]

@@ -1,6 +1,6 @@
 """Who publishes /clock, and which nodes use it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 import struct
 from time import monotonic
 from typing import Any, Optional
@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from puretf.formatting import SECOND
+from puretf import SECOND
 from puretf.publisher_listener import TopicReader, UNKNOWN
 from puretf_tools.inspection.feeds import Sender, Senders
 
@@ -28,7 +28,7 @@ _TOOLS = ('rviz', 'rqt', 'rosbag2', 'foxglove', 'rosbridge', 'transform_listener
 class ClockSampler:
     """A subscription to /clock; while it is published, nodes are asked whether they use it."""
 
-    def __init__(self, node: Node, nodes: Callable[[], Iterable[str]]) -> None:
+    def __init__(self, node: Node, nodes: Callable[[], set[str]]) -> None:
         """
         Subscribe.
 
@@ -64,17 +64,13 @@ class ClockSampler:
             self._last = stamp
         if self._last and monotonic() >= self._next_scan:
             self._next_scan = monotonic() + _SCAN_INTERVAL
-            self._ask()
-
-    def _ask(self) -> None:
-        own = self._node.get_fully_qualified_name()
-        for name in self._nodes():
-            if (name not in self._clients and name not in (own, UNKNOWN)
-                    and not name.rpartition('/')[2].startswith(_TOOLS)
-                    and len(self._clients) < _MOST_NODES):
-                self._clients[name] = _Question(self._node, name)
-        for question in self._clients.values():
-            question.poll()
+            for name in self._nodes() - self._clients.keys() - {
+                    UNKNOWN, self._node.get_fully_qualified_name()}:
+                if (not name.rpartition('/')[2].startswith(_TOOLS)
+                        and len(self._clients) < _MOST_NODES):
+                    self._clients[name] = _Question(self._node, name)
+            for question in self._clients.values():
+                question.poll()
 
     def close(self) -> None:
         self._reader.close()

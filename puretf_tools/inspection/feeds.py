@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from puretf.formatting import comma_list, may_be_one_robot, namespace_distance, quoted
+from puretf import comma_list, may_be_one_robot, namespace_distance, quoted
 
 #: The largest number of nodes in a text, of publishers of a topic, and of joints of one of them.
 _SHOWN, _MOST_PUBLISHERS, _MOST_NAMES = 5, 1000, 10_000
@@ -31,22 +31,19 @@ class Sender:
         return self.stamp - self.last
 
 
-class Senders:
+class Senders(dict[str, Sender]):
     """The publishers of a topic, by their gids."""
-
-    def __init__(self) -> None:
-        self._senders: dict[str, Sender] = {}
 
     def add(self, gid: str, arrival: int, stamp: int, names: Collection[str] = ()) -> None:
         """Count a message, unless there are too many publishers."""
-        if gid in self._senders or len(self._senders) < _MOST_PUBLISHERS:
-            self._senders.setdefault(gid, Sender()).add(arrival, stamp, names)
+        if gid in self or len(self) < _MOST_PUBLISHERS:
+            self.setdefault(gid, Sender()).add(arrival, stamp, names)
 
     def named(self, names_of: Callable[[Collection[str]], Mapping[str, str]]) -> list[Sender]:
         """Return the senders; `names_of` returns by gid the full names of their nodes."""
-        for gid, name in names_of(self._senders).items():
-            self._senders[gid].node = name
-        return [*self._senders.values()]
+        for gid, name in names_of(self).items():
+            self[gid].node = name
+        return [*self.values()]
 
 
 def rivals(senders: Sequence[Sender]) -> list[Sender]:
@@ -116,15 +113,8 @@ def _by_distance(others: Sequence[OtherTopic], base: str) -> list[tuple[str, lis
     groups: dict[str, list[OtherTopic]] = {}
     for other in others:
         groups.setdefault(other.base, []).append(other)
-
-    def key(item: tuple[str, object]) -> tuple[int, str]:
-        return namespace_distance(_namespace(item[0]), _namespace(base)), item[0]
-
-    return sorted(groups.items(), key=key)
-
-
-def _namespace(base: str) -> str:
-    return base.rpartition('/')[0]
+    return sorted(groups.items(), key=lambda item: (
+        namespace_distance(*(name.rpartition('/')[0] for name in (item[0], base))), item[0]))
 
 
 def half_text(half: Half, topics: Sequence[str], nodes: Sequence[str]) -> str:

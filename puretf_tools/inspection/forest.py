@@ -1,13 +1,15 @@
 """Arrange the frames of a buffer into trees and loops."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple, Optional
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import NamedTuple, Optional, TypeVar
 
 from puretf import Frame
 
 #: A line shows the branches of at most this many levels, those nearest to the name. Otherwise, the
 #: text of a chain of n frames would grow with the square of n.
 _DEEPEST = 100
+
+_Value = TypeVar('_Value')
 
 
 class TreeLine(NamedTuple):
@@ -97,12 +99,6 @@ class Forest:
         return lines[::-1]
 
 
-def frequency(frame: Frame) -> Optional[float]:
-    """Return the average rate (Hz); None if all samples have the same stamp."""
-    span = frame.latest - frame.oldest
-    return (frame.length - 1) * 1e9 / span if span > 0 else None
-
-
 def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
     """Yield a frame, its parent, and so on, up to the root or until a loop is complete."""
     seen = set()
@@ -111,3 +107,18 @@ def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
         seen.add(name)
         if name in frames:
             name = frames[name].parent
+
+
+def descend(frames: Mapping[str, Frame], known: Mapping[str, _Value],
+            child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
+    """Add the values of all descendants, each from its name and the value of its parent."""
+    values = dict(known)
+    for name in frames:
+        path: dict[str, None] = {}
+        while name in frames and name not in values and name not in path:
+            path[name] = None
+            name = frames[name].parent
+        if name in values:
+            for child in reversed(path):
+                values[child] = child_value(child, values[frames[child].parent])
+    return values

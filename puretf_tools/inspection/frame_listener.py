@@ -5,42 +5,23 @@ from typing import Optional
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from puretf import Buffer, Frame
+from puretf import Buffer
 from puretf.publisher_listener import PublisherListener
 from puretf_tools.inspection.terminal import Once
 
 
-class FrameListener:
-    """A buffer with a listener that knows the publisher of each frame."""
+class FrameListener(PublisherListener):
+    """A listener with a buffer of its own, which knows the publisher of each frame."""
 
     def __init__(self, node: Node, seconds: float = 10.0) -> None:
         """Subscribe to /tf and /tf_static; keep transforms for some seconds."""
-        self.node = node
-        self.buffer = Buffer(Duration(seconds=seconds), node)
-        self.publisher_listener = PublisherListener(self.buffer, node)
+        super().__init__(Buffer(Duration(seconds=seconds), node), node)
         #: The names of the topics of static and of dynamic transforms, after remapping.
-        self.topics = [each.topic_name for each in self.publisher_listener.subscriptions]
+        self.topics = [each.topic_name for each in self.subscriptions]
 
     def now(self) -> int:
         """Return the time of the node (ns); 0 if it waits for /clock, as use_sim_time is set."""
         return int(self.node.get_clock().now().nanoseconds)
-
-    def frames(self) -> list[Frame]:
-        """Return the frames of the buffer; their authorities are the names of nodes."""
-        return self.publisher_listener.frames()
-
-    def why_no_frames(self) -> str:
-        """Return why nothing was received, as far as it is known."""
-        return self.publisher_listener.why_nothing()
-
-    def topics_hint(self) -> str:
-        return self.publisher_listener.topics_hint()
-
-    def wrong_type_hint(self) -> str:
-        return self.publisher_listener.wrong_type_hint()
-
-    def other_topics_hint(self) -> str:
-        return self.publisher_listener.other_topics_hint()
 
     def why_no_transform(self, target: str, source: str, time: int = 0,
                          say: Optional[Once] = None) -> str:
@@ -55,6 +36,6 @@ class FrameListener:
         return say(why, words) if say else why
 
     def nothing_received(self, say: Once) -> str:
-        """Return that there is no transform yet, and `why_no_frames`, which `say` leaves out."""
+        """Return that there is no transform yet, and `why_nothing`, which `say` leaves out."""
         words = 'No transform has been received yet.'
-        return say(f'{words} {self.why_no_frames()}', words)
+        return say(f'{words} {self.why_nothing()}', words)

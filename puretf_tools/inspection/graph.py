@@ -7,16 +7,11 @@ import signal
 import subprocess
 import sys
 from tempfile import TemporaryFile
+from typing import Optional
 
-from puretf import Frame
-from puretf.formatting import (
-    display_time,
-    dot_quoted,
-    exact_time,
-    in_seconds,
-    visible_name,
-)
-from puretf_tools.inspection.forest import Forest, frequency
+from puretf import display_time, dot_quoted, exact_time, Frame, in_seconds, LONGEST_NAME, shortened
+from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.traffic import rate_of
 
 #: The interval of `tick` (s).
 _STEP = 0.05
@@ -67,8 +62,8 @@ def _edge_label(frame: Frame) -> str:
     if frame.is_static:
         lines += ['static']
     else:
-        rate = frequency(frame)
-        lines += [f'Average rate: {"unknown" if rate is None else f"{rate:.3f} Hz"}',
+        hertz = rate_of(frame)
+        lines += [f'Average rate: {"unknown" if hertz is None else f"{hertz:.3f} Hz"}',
                   f'Buffer length: {in_seconds(frame.latest - frame.oldest):.3f} s',
                   f'Most recent transform: {exact_time(frame.latest)}',
                   f'Oldest transform: {exact_time(frame.oldest)}']
@@ -76,7 +71,7 @@ def _edge_label(frame: Frame) -> str:
 
 
 def _label(text: str) -> str:
-    text = '\n'.join(visible_name(line) for line in text.split('\n'))
+    text = '\n'.join(shortened(line, LONGEST_NAME) for line in text.split('\n'))
     for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
                                ('\n', '\\n')):
         text = text.replace(character, escaped)
@@ -107,9 +102,13 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
                 stdin=graph, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     except OSError as error:
         raise DrawingError(f'cannot start the process that draws: {error.strerror}') from None
+    drawing: Optional[bytes] = None
     with process:
         try:
-            drawing, errors = _communicate(process, tick)
+            while drawing is None:
+                tick()
+                with suppress(subprocess.TimeoutExpired):
+                    drawing, errors = process.communicate(timeout=_STEP)
         except BaseException:
             _kill(process)
             raise
@@ -119,14 +118,6 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
         raise DrawingError('graphviz cannot draw this: '
                            f'{lines[-1] if lines else f"exit code {process.returncode}"}')
     return drawing
-
-
-def _communicate(process: 'subprocess.Popen[bytes]', tick: Callable[[], object]
-                 ) -> tuple[bytes, bytes]:
-    while True:
-        tick()
-        with suppress(subprocess.TimeoutExpired):
-            return process.communicate(timeout=_STEP)
 
 
 def _kill(process: 'subprocess.Popen[bytes]') -> None:

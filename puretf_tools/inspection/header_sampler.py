@@ -9,8 +9,8 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from puretf import TF_MESSAGE
 from puretf.bag import Headers
-from puretf.formatting import TF_MESSAGE
 from puretf.publisher_listener import node_of
 
 #: The time between two searches for topics (s).
@@ -139,13 +139,11 @@ class _Topic:
         offered = {(info.qos_profile.reliability, info.qos_profile.durability)
                    for info in self._node.get_publishers_info_by_topic(self._name)}
         self._begin = time_ns()
-        if _LATCHED not in offered:
+        if has_others := offered != {_LATCHED}:
             self._add_subscription(self._read, *_OTHER)
-        elif len(offered) == 1:
-            self._add_subscription(self._read_latched, *_LATCHED)
-        else:
-            self._add_subscription(self._read, *_OTHER)
-            self._add_subscription(self._read_frame, *_LATCHED)
+        if _LATCHED in offered:
+            self._add_subscription(
+                self._read_frame if has_others else self._read_latched, *_LATCHED)
 
     def _add_subscription(self, callback: Any, reliability: ReliabilityPolicy,
                           durability: DurabilityPolicy) -> None:

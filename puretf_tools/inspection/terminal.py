@@ -2,10 +2,10 @@
 Output to a terminal: whether stdout is one, its size and escapes, and the width of texts.
 
 Control characters in names are escaped before names are printed: see `visible` of
-`puretf.formatting`.
+`puretf`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 import re
 import shutil
 import sys
@@ -13,7 +13,7 @@ from textwrap import wrap
 from typing import Optional
 from unicodedata import combining, east_asian_width
 
-from puretf.formatting import LONGEST
+from puretf import LONGEST
 
 #: A number that is no part of a name.
 _NUMBER = re.compile(r'(?<![\w./-])-?\d+(\.\d+)?(?!\w)')
@@ -89,18 +89,18 @@ def _columns_of(character: str) -> int:
     return 0 if combining(character) else 1 + (east_asian_width(character) in 'WF')
 
 
-def column_width(widths: Iterable[int]) -> int:
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """
-    Return the width to which cells are padded; ignore those of 100 columns or more.
+    Pad the cells of each column to one width; cells of 100 columns or more do not count for it.
 
-    >>> column_width([3, 4, 2000])
-    4
+    >>> columns([['map', 'static'], ['odom', '']])
+    ['map   static', 'odom']
     """
-    return max((width for width in widths if width < LONGEST), default=0)
-
-
-def padded(text: str, columns: int) -> str:
-    return text + ' ' * (columns - width(text))
+    widths = [max((size for size in map(width, column) if size < LONGEST), default=0)
+              for column in zip(*rows)]
+    lines = ('  '.join(cell + ' ' * (size - width(cell)) for cell, size in zip(row, widths))
+             for row in rows)
+    return [line.rstrip() for line in lines]
 
 
 def cut(line: str, columns: int) -> str:

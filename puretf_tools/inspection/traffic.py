@@ -1,31 +1,46 @@
-"""Rates and delays of received transforms, by frame and by publishing node."""
+"""Counts of received transforms: how many, how often and how late, by frame and by publisher."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import suppress
-from itertools import chain
-from threading import Lock
 from time import time_ns
-from typing import NamedTuple, Optional, TYPE_CHECKING
+from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 
-from puretf import is_too_long
-from puretf.formatting import in_seconds, SECOND
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import Frame, in_seconds, is_too_long, SECOND
+from puretf.transform_table import Message, transform_tables, TransformTable
 
 if TYPE_CHECKING:
-    from puretf.publisher_listener import PublisherListener, ReceivedMessage
+    from puretf.publisher_listener import PublisherListener
 
-#: The window of the statistics: the current second of the clock, and this many seconds before it.
+#: The window of `Traffic`: the current second of the clock, and this many seconds before it.
 WINDOW = 10
-#: The messages of a publisher are not counted for this time (ns) after its first message: they may
+#: The messages of a publisher have no delay for this time (ns) after its first message: they may
 #: have waited until the publisher had discovered the subscription.
 SETTLING = SECOND // 5
-#: The largest number of pairs of a frame and a publisher for which statistics are kept.
-_MOST = 100_000
-#: The largest number of publishers for which the time of the first message is kept.
-_MOST_PUBLISHERS = 10_000
+#: Times of arrival (ns) are limited to this, so that no difference from a stamp exceeds int64.
+LATEST = 2**63 - 1 - 2**31 * SECOND
+#: What `Counts` knows of the delays of a track: the times from the stamps to the arrivals (ns).
+DELAYS: Any = [
+    ('delays', 'i8'), ('total_delay', 'f8'),  # their number and their sum
+    ('least_delay', 'i8'), ('greatest_delay', 'i8'),
+    ('first', 'i8'), ('last', 'i8')]  # when the first and the last of these transforms arrived
+_EXTREMES = {'least_delay': np.minimum, 'greatest_delay': np.maximum,
+             'first': np.minimum, 'last': np.maximum}
 #: A program has fewer broadcasters than this without a frame of their own, unless it creates them
 #: again and again.
 _MANY, _MANY_SILENT = 6, 20
+
+
+def rate(count: int, first: int, last: int) -> Optional[float]:
+    """Return the average rate (Hz) of events between two times (ns); None if these are equal."""
+    return (count - 1) * SECOND / (last - first) if last > first else None
+
+
+def rate_of(frame: Frame) -> Optional[float]:
+    """Return the average rate of the samples of a frame (Hz), by their stamps."""
+    return rate(frame.length, frame.oldest, frame.latest)
 
 
 def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
@@ -36,10 +51,96 @@ def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
     :returns: the publishers that have no frame of their own, if there are at least 6; if none of
         them has sent anything, at least 20.
     """
-    counts = Counter(chain.from_iterable(publishers.values()))
+    counts = Counter(frame for frames in publishers.values() for frame in frames)
     found = [publisher for publisher, frames in publishers.items()
              if all(counts[frame] > 1 for frame in frames)]
     return found if len(found) >= (_MANY if counts else _MANY_SILENT) else []
+
+
+class Counts:
+    """
+    Counts transforms by track: those of one child from one publisher on one topic.
+
+    The counts of a track are a row of an array, whose fields are `DELAYS` and those of a subclass.
+    """
+
+    fields = np.dtype(DELAYS)
+    most_tracks = 100_000
+
+    def __init__(self, settling: int = 0) -> None:
+        """Ignore the delays of a publisher for a time (ns) after its first message."""
+        self.settling = settling
+        #: By publisher: the time of arrival of the first dynamic message (ns).
+        self._since: dict[str, int] = {}
+        #: By child, publisher and topic (True: static): the number of the track.
+        self._numbers: dict[tuple[str, str, bool], int] = {}
+        self._values: Any = np.zeros(16, self.fields)  #: by the number of the track
+        #: The number of counted transforms, and of those left out as there are too many tracks.
+        self.count = self.not_counted = 0
+
+    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
+        """
+        Count transforms.
+
+        :param offset: the clock of the stamps minus that of the arrivals (ns); None: not known.
+        """
+        found = [self._number(table, *edge) for edge in table.edges]
+        kept = [i for i, number in enumerate(found) if number is not None]
+        if kept:
+            self.count += len(table.times) * len(kept)
+            numbers = np.array([found[i] for i in kept])
+            values = self._values[numbers]
+            self._count(values, numbers, table._replace(
+                times=table.times.clip(-LATEST, LATEST), stamps=table.stamps[:, kept],
+                poses=table.poses[:, kept]), offset)
+            self._values[numbers] = values
+
+    def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
+        """Return the number of the track of an edge; None if the edge is not counted."""
+        key = child.removeprefix('/'), table.publisher, table.is_static
+        if key not in self._numbers:
+            if len(self._numbers) >= self.most_tracks:
+                self.not_counted += len(table.times)
+                return None
+            if len(self._numbers) == len(self._values):
+                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
+            self._numbers[key] = len(self._numbers)
+        return self._numbers[key]
+
+    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable,
+               offset: Optional[int]) -> None:
+        """Change the values (n,) of the tracks with some numbers by n transforms each message."""
+        is_timed = table.times != 0
+        if table.is_static or not is_timed.any():
+            return
+        since = self._since.setdefault(table.publisher, int(table.times[is_timed].min()))
+        if self.settling:
+            is_timed &= table.times >= since + self.settling
+        if offset is not None and is_timed.any():
+            self._count_delays(values, table.times[is_timed] + offset, table.stamps[is_timed])
+
+    def _count_delays(self, values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]
+                      ) -> None:
+        """Count the delays from (m, n) stamps, unless they are 0, to (m,) arrivals (ns)."""
+        known, new = stamps != 0, np.zeros(len(values), DELAYS)
+        delays, limits = times[:, None] - stamps, np.iinfo(np.int64)
+        new['delays'] = known.sum(axis=0)
+        new['total_delay'] = np.where(known, delays, 0).sum(axis=0, dtype=np.float64)
+        for field, extreme in _EXTREMES.items():
+            new[field] = extreme.reduce(np.where(
+                known, delays if 'delay' in field else times[:, None],
+                limits.max if extreme is np.minimum else limits.min))
+        _merge(values, new)
+
+
+def _merge(values: Any, new: Any) -> None:
+    """Add counts of delays, (n,), to others."""
+    has_new, is_first = new['delays'] > 0, values['delays'] == 0
+    for field, extreme in _EXTREMES.items():
+        values[field] = np.where(has_new, np.where(
+            is_first, new[field], extreme(values[field], new[field])), values[field])
+    for field in 'delays', 'total_delay':
+        values[field] += new[field]
 
 
 class Summary(NamedTuple):
@@ -48,62 +149,6 @@ class Summary(NamedTuple):
     rate: Optional[float]  #: Hz; None if all transforms arrived at the same time
     average_delay: float  #: s
     maximum_delay: float  #: s
-
-
-class _Second:
-    """The arrivals within one second of the clock; all times are in ns."""
-
-    __slots__ = ('count', 'first', 'greatest', 'last', 'number', 'total')
-
-    def __init__(self, number: int, arrival: int, delay: int) -> None:
-        self.number, self.count = number, 1
-        self.first = self.last = arrival
-        self.greatest = self.total = delay
-
-
-class Delays:
-    """The number and the delays of arrivals, second by second over the window."""
-
-    __slots__ = ('_seconds', 'is_dynamic', 'last')
-
-    def __init__(self) -> None:
-        self._seconds: deque[_Second] = deque(maxlen=WINDOW + 1)
-        self.is_dynamic = False  #: True if a transform was received on /tf
-        self.last = 0  #: the time of the last arrival (ns); 0: nothing has arrived
-
-    def add(self, arrival: int, delay: int) -> None:
-        """Count an arrival at a time (ns), with the time since its stamp (ns)."""
-        self.last = arrival
-        number = arrival // SECOND
-        seconds = self._seconds
-        if not seconds or seconds[-1].number < number:
-            seconds.append(_Second(number, arrival, delay))
-            return
-        second = seconds[-1]
-        second.count += 1
-        second.last = max(second.last, arrival)
-        second.total += delay
-        if delay > second.greatest:
-            second.greatest = delay
-
-    def clear(self) -> None:
-        self._seconds.clear()
-        self.last = 0
-
-    def within(self, now: int) -> list[_Second]:
-        return [second for second in self._seconds if second.number >= now // SECOND - WINDOW]
-
-
-def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
-    """Summarise arrivals within the window that ends now (ns); None if there are none."""
-    seconds = [second for each in delays for second in each.within(now)]
-    if not seconds:
-        return None
-    count = sum(second.count for second in seconds)
-    span = max(second.last for second in seconds) - min(second.first for second in seconds)
-    return Summary((count - 1) * SECOND / span if span else None,
-                   in_seconds(sum(second.total for second in seconds) // count),
-                   in_seconds(max(second.greatest for second in seconds)))
 
 
 class NodeTraffic(NamedTuple):
@@ -117,96 +162,83 @@ class NodeTraffic(NamedTuple):
     silence: Optional[float]  #: s since the last one; None if none was counted
 
 
-class Traffic:
-    """Statistics of the messages that are received on /tf and /tf_static."""
+class Traffic(Counts):
+    """The messages that were received within the window; the child '' is all of a message."""
 
-    def __init__(self, now: Callable[[], int], only: str = '',
-                 system_clock: Callable[[], int] = time_ns) -> None:
+    def __init__(self, now: Callable[[], int], system_clock: Callable[[], int] = time_ns) -> None:
         """
-        Create empty statistics.
+        Count nothing yet.
 
         :param now: returns the time on the clock of the stamps (ns); 0: not known.
-        :param only: the only child frame that is counted; '': all frames.
         :param system_clock: returns the time on the clock of the reception times (ns).
         """
-        self._system_clock = system_clock
-        self._now, self._only, self._bytes_of_name = now, only, only.encode()
-        self._lock = Lock()
-        #: By frame ('': all frames) and gid of the publisher.
-        self._arrivals: dict[tuple[str, str], Delays] = {}
-        #: By gid: the reception time of the first dynamic message of the publisher (ns).
-        self._since: dict[str, int] = {}
+        super().__init__(SETTLING)
+        self._now, self._system_clock = now, system_clock
+        self._seconds: deque[Any] = deque(maxlen=WINDOW)  #: the values of each second before
         self._latest = 0  #: the last result of `now` (ns)
         self._set_back = 0  #: the system time (ns) at which `now` jumped back last; 0: never
 
-    def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:
-        """Count the transforms of received messages."""
-        with self._lock:
-            now, system = self._read_clocks()
-            for message in messages:
-                # Decoding is slow, so messages that do not have the bytes of the name are skipped.
-                if message.find(self._bytes_of_name) < 0:
-                    continue
-                with suppress(ValueError):  # the listener logs this error
-                    self._count(message, now - system if now else None)
+    def observe(self, messages: Iterable[Message]) -> None:
+        """Count the transforms of received messages; the listener logs malformed ones."""
+        now, system = self._read_clocks()
+        begin = max(self._set_back, system - WINDOW * SECOND)
+        for table in transform_tables(
+                each for each in messages if each.is_static or each.time >= begin):
+            names = [child.removeprefix('/') for _, child in table.edges]
+            kept = [i for i, name in enumerate(names) if name and not is_too_long(name)]
+            if names:
+                first, *_ = stamps = table.stamps.T
+                mean = first + np.rint((stamps - first).mean(axis=0)).astype(np.int64)
+                stamps = np.column_stack([table.stamps[:, kept], mean])
+                # A stamp 0 is as late as any other, as for tf2.
+                self.add(table._replace(
+                    edges=[*(table.edges[i] for i in kept), ('', '')],
+                    stamps=np.where(stamps == 0, 1, stamps), poses=np.empty((*stamps.shape, 0))),
+                    now - system if now else None)
 
     def _read_clocks(self) -> tuple[int, int]:
         """Return the times of both clocks (ns); if `now` has jumped back, discard all delays."""
         now, system = self._now(), self._system_clock()
         if now < self._latest - SECOND:
             self._set_back = system
-            for arrivals in self._arrivals.values():
-                arrivals.clear()
+            self._seconds.clear()
+            self._values = np.zeros_like(self._values)
+        for _ in range(min(now // SECOND - self._latest // SECOND, WINDOW + 1)):
+            self._seconds.append(self._values)
+            self._values = np.zeros_like(self._values)
+            self._values['last'] = self._seconds[-1]['last']
         self._latest = now
         return now, system
 
-    def _count(self, message: 'ReceivedMessage', offset: Optional[int]) -> None:
-        rows = message.rows()
-        if self._only:
-            rows = [row for row in rows if row.child_frame_id.removeprefix('/') == self._only]
-        counted = [(self._arrivals_of(frame, message.publisher), row) for row in rows
-                   if (frame := row.child_frame_id.removeprefix('/')) and not is_too_long(frame)]
-        all_frames = self._arrivals_of('', message.publisher)
-        if message.is_static or not rows:
-            return
-        for arrivals in [all_frames, *(arrivals for arrivals, _ in counted)]:
-            arrivals.is_dynamic = True
-        since = self._since.setdefault(message.publisher, message.time)
-        if len(self._since) > _MOST_PUBLISHERS:
-            del self._since[next(iter(self._since))]
-        if offset is None or message.time < max(since + SETTLING, self._set_back):
-            return
-        arrival = message.time + offset
-        all_frames.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
-        for arrivals, row in counted:
-            arrivals.add(arrival, arrival - row.stamp_ns)
+    def by_node(self, listener: 'PublisherListener', frame: Optional[str] = None
+                ) -> list[NodeTraffic]:
+        """Summarise by frame and node, then all of each node; or only one frame by node."""
+        now, _ = self._read_clocks()
+        keys = [key for key in self._numbers if frame in (None, key[0])]
+        names = listener.names_of({gid for _, gid, _ in keys})
+        groups: dict[tuple[bool, str, str], list[tuple[str, str, bool]]] = {}
+        for key in keys:
+            groups.setdefault((not key[0], key[0], names[key[1]]), []).append(key)
+        window = self._values.copy()
+        for values in self._seconds:
+            _merge(window[:len(values)], values)
+        rows = []
+        for (_, child, node), group in sorted(groups.items()):
+            found = window[[self._numbers[key] for key in group]]
+            last = int(found['last'].max())
+            present = {listener.is_present(gid) for _, gid, _ in group}
+            rows.append(NodeTraffic(
+                child, node, all(is_static for *_, is_static in group),
+                True if True in present else None if None in present else False,
+                _summary(found[found['delays'] > 0]),
+                in_seconds(max(0, now - last)) if last else None))
+        return rows
 
-    def _arrivals_of(self, frame: str, gid: str) -> Delays:
-        arrivals = self._arrivals.get((frame, gid))
-        if arrivals is None:
-            arrivals = Delays()
-            if len(self._arrivals) < _MOST:
-                self._arrivals[frame, gid] = arrivals
-        return arrivals
 
-    def by_node(self, listener: 'PublisherListener') -> list[NodeTraffic]:
-        """Summarise the received transforms by frame and node; then all those of each node."""
-        with self._lock:
-            gids = {gid for _, gid in self._arrivals}
-        names = listener.names_of(gids)
-        gids_of: dict[tuple[str, str], set[str]] = {}
-        with self._lock:
-            now, _ = self._read_clocks()
-            for frame, gid in self._arrivals:
-                gids_of.setdefault((frame, names.get(gid, '')), set()).add(gid)
-            rows = []
-            for frame, node in sorted(gids_of, key=lambda key: (not key[0], key)):
-                gids = gids_of[frame, node]
-                arrivals = [self._arrivals[frame, gid] for gid in gids]
-                last = max(each.last for each in arrivals)
-                found = {listener.is_present(gid) for gid in gids}
-                rows.append(NodeTraffic(
-                    frame, node, not any(each.is_dynamic for each in arrivals),
-                    True if True in found else None if None in found else False,
-                    summarize(arrivals, now), in_seconds(max(0, now - last)) if last else None))
-            return rows
+def _summary(values: Any) -> Optional[Summary]:
+    if not len(values):
+        return None
+    count = int(values['delays'].sum())
+    return Summary(rate(count, int(values['first'].min()), int(values['last'].max())),
+                   in_seconds(int(values['total_delay'].sum() // count)),
+                   in_seconds(int(values['greatest_delay'].max())))

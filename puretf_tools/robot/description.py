@@ -2,24 +2,18 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from math import hypot, isfinite
 import os
 from pathlib import Path
 import re
 import shlex
 from threading import Lock
-from typing import Any, NoReturn, Optional, Union
+from typing import Any, NamedTuple, NoReturn, Optional, Union
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from puretf.formatting import abbreviated, comma_list, quoted, suggest_names, visible
-from puretf.rotations import (
-    conjugate,
-    multiply,
-    quaternion_about_axis,
-    quaternion_from_euler,
-)
+from puretf import abbreviated, comma_list, quoted, suggest_names, visible
+from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
 
 #: x, y, z (m) and the quaternion x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
@@ -76,8 +70,7 @@ class DescriptionError(ValueError):
     """A description that is refused; the text is one line."""
 
 
-@dataclass(frozen=True)
-class Mimic:
+class Mimic(NamedTuple):
     """A joint follows another one: its position is that of `joint` * multiplier + offset."""
 
     joint: str
@@ -85,8 +78,7 @@ class Mimic:
     offset: float
 
 
-@dataclass(frozen=True)
-class Joint:
+class Joint(NamedTuple):
     """
     A joint between two links.
 
@@ -124,8 +116,7 @@ class Joint:
         return self.pose
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(NamedTuple):
     """
     A visual or collision shape of a link.
 
@@ -141,8 +132,7 @@ class Shape:
     rgba: Optional[Rgba]
 
 
-@dataclass(frozen=True)
-class Description:
+class Description(NamedTuple):
     """A robot: a tree of links below `root`; `warnings` say what of the text is left out."""
 
     name: str
@@ -454,26 +444,21 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
     colors = {element.get('name', ''): color for element in robot.findall('material')
               if (color := _color(element))}
     shapes: dict[str, list[Shape]] = {'visual': [], 'collision': []}
-    count = 0
-    for link in robot.findall('link'):
-        name = link.attrib['name']
-        for element in link:
-            if element.tag in shapes:
-                count += 1
-                if count > _MOST_SHAPES:
-                    warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
-                    return tuple(shapes['visual']), tuple(shapes['collision'])
-                material = element.find('material')
-                if material is not None:
-                    element.remove(material)
-                rgba, problem = _rgba(material, colors)
-                try:
-                    shapes[element.tag].append(_shape(element, name, urdf, rgba))
-                except DescriptionError as error:
-                    warnings.append(f'link {quoted(name)}: a {element.tag} is left out: {error}')
-                else:
-                    if problem:
-                        warnings.append(f'link {quoted(name)}: {problem}')
+    elements = [(link.attrib['name'], element) for link in robot.findall('link')
+                for element in link if element.tag in shapes]
+    for name, element in elements[:_MOST_SHAPES]:
+        material = element.find('material')
+        if material is not None:
+            element.remove(material)
+        rgba, problem = _rgba(material, colors)
+        try:
+            shapes[element.tag].append(_shape(element, name, urdf, rgba))
+        except DescriptionError as error:
+            problem = f'a {element.tag} is left out: {error}'
+        if problem:
+            warnings.append(f'link {quoted(name)}: {problem}')
+    if len(elements) > _MOST_SHAPES:
+        warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
     return tuple(shapes['visual']), tuple(shapes['collision'])
 
 

@@ -5,7 +5,7 @@ from math import isfinite
 from time import monotonic
 from typing import Optional
 
-from puretf.formatting import comma_list, display_time, in_log, quoted, SECOND
+from puretf import comma_list, display_time, quoted, SECOND, shortened
 from puretf_tools.robot.description import Description, Joint, Pose
 
 #: A transform without its stamp: frame_id, child_frame_id, pose.
@@ -153,7 +153,7 @@ class RobotTransforms:
                     edges.append(self._edge(joint, joint.pose_at(positions[name])))
                 else:
                     self._warn_once('ignored positions that are not finite, such as '
-                                    f'{positions[name]} of joint', f' {in_log(name)}')
+                                    f'{positions[name]} of joint', f' {shortened(name)}')
         return edges
 
     def _edge(self, joint: Joint, pose: Pose) -> Edge:
@@ -165,7 +165,7 @@ class RobotTransforms:
                             f': it has {len(names)} names and {len(positions)} positions')
         else:
             self._warn_once('Robot state publisher ignored a JointState message about joint(s) ',
-                            f'"{in_log(names[0])}"(,...) whose position member was empty.')
+                            f'"{shortened(names[0])}"(,...) whose position member was empty.')
 
     def _warn_of_stamp(self, cause: str, stamp: int, difference: int, names: Sequence[str],
                        why: str = '') -> None:

@@ -17,8 +17,15 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from puretf import TFMessage
-from puretf.formatting import comma_list, in_log, quoted
+from puretf import (
+    comma_list,
+    quoted,
+    SECOND,
+    shortened,
+    StaticTransformBroadcaster,
+    Transform,
+    TransformBroadcaster,
+)
 from puretf.publisher_listener import node_of
 from puretf_tools.robot.description import Description, DescriptionError, parse
 from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
@@ -63,10 +70,8 @@ class RobotStatePublisher(Node):
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._text_publisher = self.create_publisher(String, 'robot_description', latched)
         overrides = QoSOverridingOptions.with_default_policies()
-        self._tf = self.create_publisher(
-            TFMessage, '/tf', 100, qos_overriding_options=overrides)
-        self._tf_static = self.create_publisher(
-            TFMessage, '/tf_static', latched, qos_overriding_options=overrides)
+        self._tf = TransformBroadcaster(self, qos_overriding_options=overrides)
+        self._tf_static = StaticTransformBroadcaster(self, qos_overriding_options=overrides)
         self._patience = self.create_timer(
             PATIENCE, self._warn_of_missing, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._apply([*self.get_parameters(
@@ -117,21 +122,20 @@ class RobotStatePublisher(Node):
             self.get_logger().info('Robot initialized')
             self._patience.reset()
         if 'robot_description' in values or 'frame_prefix' in values:
-            # Not by a StaticTransformBroadcaster, which would repeat frames that are gone.
-            self._tf_static.publish(
-                _message(transforms.fixed(), self.get_clock().now().to_msg()))
+            self._tf_static.replace(
+                _messages(transforms.fixed(), self.get_clock().now().to_msg()))
 
     def _answer(self, states: JointState) -> None:
         stamp = states.header.stamp
-        edges = self._transforms.moving(stamp.sec * 10**9 + stamp.nanosec, states.name,
+        edges = self._transforms.moving(stamp.sec * SECOND + stamp.nanosec, states.name,
                                         states.position, self.get_clock().now().nanoseconds)
         if edges is not None:
-            self._tf.publish(_message(edges, stamp))
+            self._tf.sendTransform(_messages(edges, stamp))
 
     def _state_publishers(self) -> str:
         topic = self._states.topic_name
         names = {node_of(info) for info in self.get_publishers_info_by_topic(topic)}
-        return (f'; publishers of {in_log(topic)}: {comma_list(sorted(names), 5, in_log)}'
+        return (f'; publishers of {shortened(topic)}: {comma_list(sorted(names), 5, shortened)}'
                 if names else '')
 
     def _warn_of_description(self) -> None:
@@ -159,13 +163,9 @@ def _frequency_problem(value: object) -> Optional[str]:
     return f'publish_frequency must be between 0 and 1000 (Hz), got {value!r}'
 
 
-def _message(edges: list[Edge], stamp: Time) -> TFMessage:
-    message = TFMessage()
-    for frame_id, child_frame_id, (x, y, z, qx, qy, qz, qw) in edges:
-        transform = TransformStamped(child_frame_id=child_frame_id)
-        transform.header.frame_id, transform.header.stamp = frame_id, stamp
-        translation, rotation = transform.transform.translation, transform.transform.rotation
-        translation.x, translation.y, translation.z = x, y, z
-        rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
-        message.transforms.append(transform)
-    return message
+def _messages(edges: list[Edge], stamp: Time) -> list[TransformStamped]:
+    messages = [Transform(0, parent, child, pose[:3], pose[3:]).to_message()
+                for parent, child, pose in edges]
+    for message in messages:
+        message.header.stamp = stamp  # as it is, also if nanosec is larger than a second
+    return messages

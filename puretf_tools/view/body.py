@@ -11,7 +11,7 @@ import viser
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description, Rgba, Shape
 from puretf_tools.robot.descriptions import DescriptionOrWhy
-from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.meshes import Mesh, Meshes
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.rods import Display
 
@@ -104,8 +104,8 @@ class Body:
         self._set_opacity(body.opacity)
         self._left = self.at_a_time
         rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
-        poses = {name: row for name, row, age in zip(
-            placement.names, rows, placement.ages.tolist()) if age < display.timeout}
+        shown = display.shown(placement)
+        poses = {name: row for name, row in zip(placement.names, rows) if name in shown}
         for robot in self._robots.values():
             if robot.names != placement.names:
                 robot.names = placement.names
@@ -116,7 +116,7 @@ class Body:
             for part in robot.parts:
                 frame = robot.prefix + part.link
                 is_on = body.with_collisions if part.is_collision else body.with_visuals
-                if is_on and frame in poses and frame not in display.hidden:
+                if is_on and frame in poses:
                     has_changed |= self._draw(robot, part, poses[frame])
                 elif part.node is not None and part.node.visible:
                     part.node.visible = False
@@ -168,20 +168,19 @@ class Body:
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
         """Add a shape to the node of its part; return False if it must wait for another update."""
         assert part.node is not None
-        mesh = self._meshes.get(shape.file) if shape.kind == 'mesh' else ''
-        if mesh is None or not self._left:
+        mesh = self._meshes.get(shape.file) if shape.kind == 'mesh' else None
+        if not self._left or (mesh is None and shape.kind == 'mesh'):
             return False
         self._left -= 1
-        if mesh and not isinstance(mesh, str):
+        kind, size, rgba = shape.kind, _within_reach(shape.size), shape.rgba or _DEFAULT
+        if isinstance(mesh, Mesh):
+            rgba = shape.rgba or mesh.rgba or _DEFAULT
             robot.triangles += len(mesh.faces)
             if robot.triangles > MAX_TRIANGLES:
                 mesh = f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes'
-        kind, size, rgba = shape.kind, _within_reach(shape.size), shape.rgba or _DEFAULT
-        if shape.kind == 'mesh' and isinstance(mesh, str):
+        if isinstance(mesh, str):
             robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = None
             kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
-        elif not isinstance(mesh, str):
-            rgba = shape.rgba or mesh.rgba or _DEFAULT
         red, green, blue, alpha = _COLLISION if part.is_collision else rgba
         x, y, z, w = shape.pose[3:]
         name = f'{part.node.name}/{len(part.drawn)}'
@@ -189,17 +188,16 @@ class Body:
             'color': (red, green, blue), 'opacity': _opacity(alpha * self._opacity),
             'wxyz': (w, x, y, z), 'position': _within_reach(shape.pose[:3])}
         handle: Any
-        if kind == 'box':
-            handle = self._scene.add_box(name, dimensions=(size[0], size[1], size[2]), **common)
-        elif kind == 'cylinder':
-            handle = self._scene.add_cylinder(name, radius=size[0], height=size[1], **common)
-        elif kind == 'sphere':
-            handle = self._scene.add_icosphere(name, radius=size[0], **common)
-        else:
-            assert mesh and not isinstance(mesh, str)
+        if isinstance(mesh, Mesh):
             handle = self._scene.add_mesh_simple(
                 name, mesh.vertices, mesh.faces, scale=(size[0], size[1], size[2]),
                 flat_shading=True, side='double', **common)
+        elif kind == 'box':
+            handle = self._scene.add_box(name, dimensions=(size[0], size[1], size[2]), **common)
+        elif kind == 'cylinder':
+            handle = self._scene.add_cylinder(name, radius=size[0], height=size[1], **common)
+        else:
+            handle = self._scene.add_icosphere(name, radius=size[0], **common)
         self._owners[name] = robot, part
         handle.on_click(self._click)
         part.drawn.append((handle, alpha))

@@ -46,16 +46,21 @@ class FrameChoice:
 
     def set_options(self, names: Iterable[str]) -> None:
         """Set the frames; the chosen one stays, since it may be published again."""
-        options = (self._none, *sorted({*names, self.chosen} - {''}))
-        if options != self._dropdown.options:
-            self._dropdown.options = options
+        change(self._dropdown, options=(self._none, *sorted({*names, self.chosen} - {''})))
 
     def propose(self, proposal: str) -> None:
         """Set the proposal, and show the frame that is chosen or proposed."""
         self._proposal = proposal
         shown = self.name or self._none
-        if self._dropdown.value != shown and shown in self._dropdown.options:
-            self._dropdown.value = shown
+        if shown in self._dropdown.options:
+            change(self._dropdown, value=shown)
+
+
+def change(handle: Any, **values: Any) -> None:
+    """Set those attributes of a control that differ: viser sends each that is set."""
+    for name, value in values.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
 
 
 def within(value: Any, smallest: float, largest: float) -> float:

@@ -1,27 +1,27 @@
-"""The texts in the panel of the web page: an overview of all frames, and details of one frame."""
+"""The texts in the panel of the web page: an overview, details of a frame, texts to copy."""
 
 from collections.abc import Iterable
 from html import escape
 from math import degrees
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame
-from puretf.formatting import comma_list, exact_time, visible
+from puretf import comma_list, exact_time, Frame, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.feed import Feed
+from puretf_tools.view.freshness import SILENT, TIMEOUT
 from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
-from puretf_tools.view.rods import TIMEOUT
 
-#: If a frame has had no new stamp for more than this time (s), its rate is not shown.
-_SILENT = 1.0
 #: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5
 #: Of the texts in the panel.
 STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
+#: A click selects the whole text.
+_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
 
 
 def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
@@ -64,8 +64,8 @@ def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
 def details(placement: Placement, name: str, feed: Feed) -> str:
     """Return in HTML a table of one frame, or a sentence if it is not available."""
     if name not in placement.names:
-        text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
-        return f'<div style="{STYLE}" data-text="details">{text}</div>'
+        return html(f'{name} is not available.' if name else 'Click a frame, or choose one.',
+                    'details')
     i = placement.names.index(name)
     frame = placement.frames.get(name)
     target, _ = placement.anchor_of(name)
@@ -98,7 +98,7 @@ def _published(frame: Frame, silence: float, feed: Feed) -> str:
     if frame.is_static:
         rows += _row('rate', 'rate', 'static')
     else:
-        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > _SILENT else
+        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > SILENT else
                      'not known' if publication.rate is None else f'{publication.rate:.1f} Hz')
         rows += _row('delay', 'delay', 'not known' if publication.delay is None else
                      f'{publication.delay * 1e3:.2f} ms')
@@ -133,9 +133,30 @@ def _numbers(values: Iterable[float], precision: int) -> str:
 
 
 def html(text: str, key: str) -> str:
-    """Return a text as an element of the panel."""
-    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>'
+    """Return a text as an element of the panel; '' if it is empty."""
+    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>' if text else ''
 
 
 def _text(text: str) -> str:
     return escape(visible(text))
+
+
+def copied(text: str, key: str) -> str:
+    """Return in HTML a text that a click selects."""
+    return f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
+
+
+def command_line(parent: str, child: str, numbers: Iterable[tuple[str, float]]) -> str:
+    """Return the command that publishes a transform; numbers: by option, such as x or yaw."""
+    frames = ('frame-id', parent), ('child-frame-id', child)
+    return ' '.join(['static_transform_publisher', *(
+        f'--{option} {decimal(value)}' for option, value in numbers if value), *(
+        # The parser takes a value that begins with a hyphen only after '='.
+        f'--{option}{"=" if frame.startswith("-") else " "}{quote(visible(frame))}'
+        for option, frame in frames)])
+
+
+def decimal(value: float) -> str:
+    """Write a number without an exponent, which YAML 1.1 reads as a text if there is no point."""
+    digits = fixed_point(value, 9).rstrip('0')
+    return f'{digits}0' if digits.endswith('.') else digits

@@ -1,12 +1,17 @@
 """The controls with which a viewer chooses what is drawn, and from where it is seen."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from html import escape
 from typing import Any, Optional
 
 import viser
 
-from puretf_tools.view.controls import within
-from puretf_tools.view.rods import Display, TIMEOUT
+from puretf import abbreviated, visible
+from puretf_tools.view.body import BodyDisplay
+from puretf_tools.view.controls import change, within
+from puretf_tools.view.details import STYLE
+from puretf_tools.view.freshness import TIMEOUT
+from puretf_tools.view.rods import Display
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
 VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),
@@ -14,6 +19,8 @@ VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0
 #: The smallest and the largest length of an axis (m), side of a cell of the grid (m), timeout (s)
 #: and update rate (Hz).
 _SIZES, _CELLS, _TIMEOUTS, _RATES = (0.02, 2.0), (0.1, 10.0), (1.0, 60.0), (1.0, 30.0)
+_OPACITIES = 0.1, 1.0
+_MOST_LINES, _LONGEST_LINE = 30, 500
 
 
 class DisplayPanel:
@@ -58,15 +65,12 @@ class DisplayPanel:
 
     def show_names(self, are_few: bool) -> None:
         """Tick the checkbox for names if there are few, unless the viewer has used it."""
-        shown = are_few if self._names_chosen is None else self._names_chosen
-        if self._names.value != shown:
-            self._names.value = shown
+        change(self._names, value=are_few if self._names_chosen is None else self._names_chosen)
 
     def display(self, hidden: frozenset[str]) -> Display:
         """Return what is to be drawn, without some frames."""
         size = within(self._size.value, *_SIZES)
-        if self._size.value != size:  # a viewer has sent NaN, or another wrong number
-            self._size.value = size
+        change(self._size, value=size)  # a viewer may have sent NaN, or another wrong number
         return Display(
             size, bool(self._axes.value), bool(self._lines.value), bool(self._names.value),
             within(self._cell.value, *_CELLS) if self._grid.value else 0.0,
@@ -77,3 +81,35 @@ def configure(gui: viser.GuiApi, is_dark: bool) -> None:
     """Set the theme of a viewer."""
     gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False,
                         control_width='large')
+
+
+class RobotPanel:
+    """The controls of a `BodyDisplay`, and lines about descriptions and meshes."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Add the controls to the current container."""
+        self._visual = gui.add_checkbox('Visual', True, hint='the shapes as they look')
+        self._collision = gui.add_checkbox(
+            'Collision', False, hint='the shapes with which programs check for collisions')
+        self._opacity = gui.add_slider('Opacity', *_OPACITIES, 0.05, _OPACITIES[1])
+        self._text = gui.add_html('')
+        self._lines: Sequence[str] = ()
+
+    @property
+    def display(self) -> BodyDisplay:
+        """What the viewer has chosen."""
+        return BodyDisplay(bool(self._visual.value), bool(self._collision.value),
+                           within(self._opacity.value, *_OPACITIES))
+
+    def show(self, lines: Sequence[str]) -> None:
+        """Show lines of text; the same object: they have not changed."""
+        if lines is not self._lines:
+            self._lines = lines
+            shown = [*lines[:_MOST_LINES], *[f'and {len(lines) - _MOST_LINES} more lines'] * (
+                len(lines) > _MOST_LINES)]
+            self._text.content = (f'<div style="{STYLE}" data-text="robot">'
+                                  f'{"<br>".join(map(_text, shown))}</div>')
+
+
+def _text(line: str) -> str:
+    return escape(visible(abbreviated(line, _LONGEST_LINE)))

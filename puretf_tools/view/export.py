@@ -33,17 +33,12 @@ class Recording:
     def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
         self._feed, self._meshes = feed, Meshes(meshes)
         self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
-        self._moments: list[_Moment] = []
-
-    @property
-    def has_frames(self) -> bool:
-        """True if there is a moment."""
-        return bool(self._moments)
+        self.moments: list[_Moment] = []
 
     @property
     def duration(self) -> float:
         """The time from the first moment to the last one (s)."""
-        return self._moments[-1].time - self._moments[0].time if self._moments else 0.0
+        return self.moments[-1].time - self.moments[0].time if self.moments else 0.0
 
     def add(self, time: float, until: int = 0) -> None:
         """
@@ -55,7 +50,7 @@ class Recording:
         self._feed.descriptions()  # it searches for them
         placement = self._watcher.placement('', until)
         if placement.names:
-            self._moments.append(_Moment(
+            self.moments.append(_Moment(
                 time, placement, self._trail.lines(placement, placement.deepest, Display())))
 
     def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
@@ -72,11 +67,11 @@ class Recording:
             scene = Scene(server, self._meshes)
             scene.body.at_a_time = sys.maxsize  # nobody waits
             # Only the first position of the camera counts, and at the end most frames are known.
-            placement = self._moments[-1].placement
-            look_at(placement, placement.names, [server.initial_camera])
-            serializer, before = server.get_scene_serializer(), self._moments[0].time
-            for time, placement, trail in self._moments:
-                on_progress(time - self._moments[0].time)
+            placement = self.moments[-1].placement
+            look_at(placement, Display().shown(placement), [server.initial_camera])
+            serializer, before = server.get_scene_serializer(), self.moments[0].time
+            for time, placement, trail in self.moments:
+                on_progress(time - self.moments[0].time)
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= NAMES_AT_ONCE),
                            placement.deepest, trail, descriptions, BodyDisplay())

@@ -1,16 +1,14 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from time import monotonic
-from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
+from typing import NamedTuple, Optional, TYPE_CHECKING, Union
 
-from puretf import Frame, TransformBuffer
-from puretf.formatting import SECOND
-from puretf_tools.inspection.forest import frequency
-from puretf_tools.inspection.traffic import Traffic
+from puretf import Frame, SECOND, TransformBuffer
+from puretf_tools.inspection.traffic import rate_of, Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.robot.joint_senders import JointCommanders, JointControls
 from puretf_tools.view.hand_publisher import HandPublisher
-from puretf_tools.view.joint_control import JointCommanders, JointControls
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -22,8 +20,6 @@ AnyBuffer = Union[TransformBuffer, 'Buffer']
 _FAR = 24 * 3600 * SECOND
 #: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
-#: The largest number of frames whose rate is measured at the same time.
-_MEASURED = 10
 
 
 class Player:
@@ -89,40 +85,41 @@ class Publication(NamedTuple):
     publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
 
 
-class Feed(Protocol):
+class Feed:
     """Where the frames come from."""
 
     name: str  #: as shown in the panel
     buffer: AnyBuffer
-    player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
-    hand_publisher: Optional[HandPublisher]  #: None for a bag, where nothing can be published
-    joint_controls: Optional[JointControls]  #: None for a bag
-    #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). The list is
-    #: empty until the bag is examined.
-    findings: list[tuple[str, int]]
+    player: Optional[Player] = None  #: the playback clock of a bag; None if the frames are live
+    hand_publisher: Optional[HandPublisher] = None  #: None for a bag: nothing can be published
+    joint_controls: Optional[JointControls] = None  #: None for a bag
+    #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). It is empty
+    #: until the bag is examined.
+    findings: Sequence[tuple[str, int]] = ()
 
     def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
         """Return the descriptions of robots by topic; the same object if none has changed."""
+        return {}
 
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published."""
+        raise NotImplementedError
 
     def topics_hint(self) -> str:
         """Return which publishers have a wrong type, and which other topics have transforms."""
+        return ''
 
     def why_no_frames(self) -> str:
         """Return the likely reason that there are no frames."""
+        raise NotImplementedError
 
 
-class BagFeed:
-    """A bag that is played."""
+class BagFeed(Feed):
+    """A bag that is played; when it is opened, the command checks its topics."""
 
     def __init__(self, buffer: TransformBuffer, name: str) -> None:
-        self.buffer: AnyBuffer = buffer
-        self.name = name
-        self.player: Optional[Player] = Player(buffer.frames())
-        self.hand_publisher: Optional[HandPublisher] = None
-        self.joint_controls: Optional[JointControls] = None
+        self.buffer, self.name = buffer, name
+        self.player = Player(buffer.frames())
         self.findings: list[tuple[str, int]] = []
         #: Empty until the command has read them.
         self.robots: Mapping[str, DescriptionOrWhy] = {}
@@ -131,16 +128,13 @@ class BagFeed:
         return self.robots
 
     def publication(self, frame: Frame) -> Publication:
-        return Publication(frequency(frame), None, frame.authority)
-
-    def topics_hint(self) -> str:
-        return ''  # when the bag is opened, the command checks its topics
+        return Publication(rate_of(frame), None, frame.authority)
 
     def why_no_frames(self) -> str:
         return 'The bag has no transforms up to this time.'
 
 
-class LiveFeed:
+class LiveFeed(Feed):
     """The frames on /tf and /tf_static."""
 
     def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None,
@@ -148,34 +142,25 @@ class LiveFeed:
         """Listen; `joint_controls`, `descriptions`: None: those of the nodes in the network."""
         from puretf_tools.inspection.frame_listener import FrameListener
         from puretf_tools.robot.description_listener import DescriptionListener
-        self.player: Optional[Player] = None
-        self.findings: list[tuple[str, int]] = []
-        #: By name: the traffic of the frames that viewers look at, the last one asked for last.
-        self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
-        #: Returns the descriptions.
-        self.descriptions: Callable[[], Mapping[str, DescriptionOrWhy]] = (
-            (lambda: descriptions) if descriptions is not None else DescriptionListener(
-                node, self._frame_listener.topics[0].rpartition('/')[0]).descriptions)
+        self._traffic = Traffic(self._frame_listener.now)
+        self._descriptions = descriptions if descriptions is not None else DescriptionListener(
+            node, self._frame_listener.topics[0].rpartition('/')[0])
         self.name = ' and '.join(reversed(self._frame_listener.topics))
-        self.buffer: AnyBuffer = self._frame_listener.buffer
-        self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)
-        self.joint_controls: Optional[JointControls] = joint_controls or JointCommanders(node)
+        self.buffer = self._frame_listener.buffer
+        self.hand_publisher = HandPublisher(self._frame_listener)
+        self.joint_controls = joint_controls or JointCommanders(node)
+
+    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+        given = self._descriptions
+        return given if isinstance(given, Mapping) else given.descriptions()
 
     def publication(self, frame: Frame) -> Publication:
-        """Return how a frame is published; the first call for a frame starts a measurement."""
-        listener = self._frame_listener.publisher_listener
-        messages, _ = listener.received()
-        for each in self._traffic.values():
-            each.observe(messages)
-        traffic = self._traffic.pop(frame.name, None) or Traffic(
-            self._frame_listener.now, frame.name)
-        self._traffic[frame.name] = traffic
-        if len(self._traffic) > _MEASURED:
-            del self._traffic[next(iter(self._traffic))]
+        listener = self._frame_listener
+        self._traffic.observe(listener.received().messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
-        nodes = [each for each in traffic.by_node(listener)
-                 if each.frame == frame.name and each.is_present is not False]
+        nodes = [each for each in self._traffic.by_node(listener, frame.name)
+                 if each.is_present is not False]
         summary = next((each.summary for each in nodes if each.node == publisher), None)
         if len(several := [each.node for each in nodes if each.is_present]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'
@@ -187,4 +172,4 @@ class LiveFeed:
         return self._frame_listener.topics_hint()
 
     def why_no_frames(self) -> str:
-        return self._frame_listener.why_no_frames()
+        return self._frame_listener.why_nothing()

@@ -7,18 +7,16 @@ from typing import Any, Optional
 
 import viser
 
-from puretf import is_too_long
-from puretf.formatting import suggest_names, visible, visible_name
-from puretf.rotations import euler_from_quaternion, quaternion_from_euler
+from puretf import is_too_long, shortened, suggest_names, Transform, visible
+from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
-from puretf_tools.view.controls import FrameChoice
-from puretf_tools.view.copied import command_line, copied, decimal
-from puretf_tools.view.details import html
-from puretf_tools.view.hand_publisher import HandPublisher, StaticTransform
+from puretf_tools.view.controls import change, FrameChoice
+from puretf_tools.view.details import command_line, copied, decimal, html
+from puretf_tools.view.hand_publisher import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import HANDLES
 
-Vector = tuple[float, ...]
+Vector = tuple[float, float, float]
 
 #: The size of the handles (m).
 _SIZE = 0.3
@@ -42,7 +40,7 @@ class HandFrame:
                  publisher: Optional[HandPublisher] = None) -> None:
         """Add the controls to the current container; `publisher`: None for a bag."""
         self._publisher = publisher
-        self._published: Optional[StaticTransform] = None
+        self._published: Optional[Transform] = None
         self._name, self._is_on = '', False
         #: The name and the parent that were refused, and why.
         self._refusal = '', '', ''
@@ -91,12 +89,13 @@ class HandFrame:
     async def _on_drag(self, event: 'viser.TransformControlsEvent') -> None:
         if event.phase == 'update':
             w, x, y, z = event.target.wxyz.tolist()
-            position: Vector = (*event.target.position.tolist(),)
-            self._set_pose(position, (*map(degrees, euler_from_quaternion((x, y, z, w))),))
+            roll, pitch, yaw = map(degrees, euler_from_quaternion((x, y, z, w)))
+            position = event.target.position.tolist()
+            self._set_pose(position, (roll, pitch, yaw))
             if any(abs(value) > REACH for value in position):
                 self._move_handles()
 
-    def _set_pose(self, position: Vector, angles: Vector) -> None:
+    def _set_pose(self, position: Sequence[float], angles: Sequence[float]) -> None:
         """Round and clamp numbers of a viewer, and show them; keep the old ones if not finite."""
         self._pose = (_valid(position, REACH, _DIGITS, self._pose[0]),
                       _valid(angles, _LARGEST_ANGLE, _ANGLE_DIGITS, self._pose[1]))
@@ -115,7 +114,7 @@ class HandFrame:
         """Move the handles with the parent, publish what has changed, and show the texts."""
         self._parent.propose(placement.fixed)
         name, parent, (position, angles) = self._name, self._parent.name, self._pose
-        transform = StaticTransform(parent, name, position, _quaternion(angles))
+        transform = Transform(0, parent, name, position, _quaternion(angles))
         if parent in placement.names:
             i = placement.names.index(parent)
             x, y, z, w = placement.poses[i, 3:]
@@ -126,16 +125,15 @@ class HandFrame:
             self._update_publication(transform, problem, self._publisher)
         *refused, why = self._refusal
         shown = (refused == [name, parent] and why) or (problem if name else '')
-        texts = [html(shown, 'hand')] * bool(shown)
+        texts = [html(shown, 'hand')]
         if not problem:
             numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
                           (*position, *map(radians, angles)))
             texts += [copied(command_line(parent, name, numbers), 'command'),
                       copied(yaml_text(transform), 'yaml')]
-        if self._text.content != (content := ''.join(texts)):
-            self._text.content = content
+        change(self._text, content=''.join(texts))
 
-    def _update_publication(self, transform: StaticTransform, problem: str,
+    def _update_publication(self, transform: Transform, problem: str,
                             publisher: HandPublisher) -> None:
         """Send a transform that has changed; a refusal switches 'Publish' off."""
         if self._is_on and transform != self._published:
@@ -143,22 +141,21 @@ class HandFrame:
                 self._is_on, why = False, f'not published: {why}'
             else:
                 self._published = transform
-            self._refusal = transform.name, transform.parent, why
+            self._refusal = transform.child_frame_id, transform.frame_id, why
         if not self._is_on:
             self.stop()
-        if self._checkbox.value != self._is_on:
-            self._checkbox.value = self._is_on
+        change(self._checkbox, value=self._is_on)
 
     def stop(self) -> None:
         """Stop publishing the frame."""
         if self._publisher is not None and self._published is not None:
-            self._publisher.stop(self._published.name)
+            self._publisher.stop(self._published.child_frame_id)
             self._published = None
 
 
-def _problem(transform: StaticTransform, placement: Placement, can_be_published: bool) -> str:
+def _problem(transform: Transform, placement: Placement, can_be_published: bool) -> str:
     """Return why a transform cannot be published, whoever publishes its frame; '' if it can."""
-    parent, name = transform.parent, transform.name
+    parent, name = transform.frame_id, transform.child_frame_id
     if not name:
         return 'the new frame has no name'
     if is_too_long(name) or not name.isprintable():
@@ -166,7 +163,7 @@ def _problem(transform: StaticTransform, placement: Placement, can_be_published:
     if name.startswith('/'):
         return f'the name {name} begins with a slash, which tf2 does not allow'
     if parent not in placement.names:
-        return (f'the parent {visible_name(parent)} does not exist. '
+        return (f'the parent {shortened(parent)} does not exist. '
                 f'{suggest_names(parent, tuple(placement.names))}' if parent else
                 'choose a parent')
     if name == parent:
@@ -178,17 +175,17 @@ def _problem(transform: StaticTransform, placement: Placement, can_be_published:
     return ''
 
 
-def yaml_text(transform: StaticTransform) -> str:
+def yaml_text(transform: Transform) -> str:
     """Return a transform in YAML, with the fields of a TransformStamped."""
     translation, rotation = (
         ', '.join(f'{axis}: {decimal(value)}' for axis, value in zip('xyzw', values))
         for values in (transform.translation, transform.rotation))
-    return (f'header:\n  frame_id: {json.dumps(transform.parent)}\n'
-            f'child_frame_id: {json.dumps(transform.name)}\ntransform:\n'
+    return (f'header:\n  frame_id: {json.dumps(transform.frame_id)}\n'
+            f'child_frame_id: {json.dumps(transform.child_frame_id)}\ntransform:\n'
             f'  translation: {{{translation}}}\n  rotation: {{{rotation}}}\n')
 
 
-def _quaternion(angles: Vector) -> Vector:
+def _quaternion(angles: Vector) -> Quaternion:
     roll, pitch, yaw = map(radians, angles)
     return quaternion_from_euler(roll, pitch, yaw)
 
@@ -197,4 +194,5 @@ def _valid(values: Sequence[Any], largest: float, digits: int, old: Vector) -> V
     """Round and clamp three numbers; return the old ones if these are not three finite numbers."""
     if len(values) != 3 or not all(map(isfinite, values)):
         return old
-    return (*(round(min(max(value, -largest), largest), digits) + 0.0 for value in values),)
+    x, y, z = (round(min(max(value, -largest), largest), digits) + 0.0 for value in values)
+    return x, y, z

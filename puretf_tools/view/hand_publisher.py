@@ -1,22 +1,13 @@
 """The frames that viewers place by hand, published on /tf_static."""
 
-from typing import NamedTuple, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
-from puretf.formatting import visible
+from puretf import Transform, visible
 from puretf_tools.inspection.forest import self_and_ancestors
 
 if TYPE_CHECKING:
     from puretf import StaticTransformBroadcaster
     from puretf_tools.inspection.frame_listener import FrameListener
-
-
-class StaticTransform(NamedTuple):
-    """The pose of a frame in its parent."""
-
-    parent: str
-    name: str
-    translation: tuple[float, ...]  #: x, y, z (m)
-    rotation: tuple[float, ...]  #: quaternion x, y, z, w
 
 
 class HandPublisher:
@@ -29,18 +20,18 @@ class HandPublisher:
         #: The frames that have been published.
         self._published: set[str] = set()
 
-    def send(self, transform: StaticTransform, owner: object) -> str:
+    def send(self, transform: Transform, owner: object) -> str:
         """Publish a transform of an owner, and return ''; or return why it is refused."""
         from geometry_msgs.msg import TransformStamped
 
         from puretf import StaticTransformBroadcaster
-        node, name = self._frame_listener.node, transform.name
+        node, name = self._frame_listener.node, transform.child_frame_id
         if self._broadcasters.get(name, (owner,))[0] is not owner:
             return f'another viewer publishes frame {visible(name)} already'
         if why := self._why_refused(transform):
             return why
         message = TransformStamped(child_frame_id=name)
-        message.header.frame_id = transform.parent
+        message.header.frame_id = transform.frame_id
         message.header.stamp = node.get_clock().now().to_msg()
         for part, axes, values in (
                 (message.transform.translation, 'xyz', transform.translation),
@@ -62,16 +53,16 @@ class HandPublisher:
         if found := self._broadcasters.pop(name, None):
             self._frame_listener.node.destroy_publisher(found[1].pub_tf)
 
-    def _why_refused(self, transform: StaticTransform) -> str:
+    def _why_refused(self, transform: Transform) -> str:
         """Return which node publishes the frame already, or that there would be a loop; or ''."""
         frames = {frame.name: frame for frame in self._frame_listener.buffer.frames()}
-        name = transform.name
-        if name in self_and_ancestors(transform.parent, frames):
-            return (f'frame {visible(name)} is above {visible(transform.parent)}: there would be '
-                    'a loop')
+        name = transform.child_frame_id
+        if name in self_and_ancestors(transform.frame_id, frames):
+            return (f'frame {visible(name)} is above {visible(transform.frame_id)}: there would '
+                    'be a loop')
         if name not in frames:
             return ''
-        listener, gid = self._frame_listener.publisher_listener, frames[name].authority
+        listener, gid = self._frame_listener, frames[name].authority
         publisher = listener.names_of([gid])[gid]
         # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
         is_own = name in self._published and (

@@ -7,11 +7,12 @@ from typing import Any, Optional
 
 import viser
 
-from puretf.formatting import abbreviated, visible
+from puretf import abbreviated, visible
 from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
+from puretf_tools.robot.joint_senders import JointControl, JointControls
+from puretf_tools.view.controls import change
 from puretf_tools.view.details import html
-from puretf_tools.view.joint_control import JointControl, JointControls
 
 #: The number of sliders that are shown at a time, and the time between two updates (s).
 _SLIDERS, _PERIOD = 50, 0.1
@@ -89,21 +90,17 @@ class Joints:
         if now < self._next:
             return
         self._next = now + _PERIOD
-        options = (*controls,) or ('',)
-        if self._choice.options != options:
-            self._choice.options = options
+        change(self._choice, options=(*controls,) or ('',), visible=len(controls) > 1)
         control = self._control = controls.get(self._choice.value)
-        _set_visible(self._choice, len(controls) > 1)
-        _set_visible(self._centre, control is not None)
-        _set_visible(self._wave, control is not None and control.can_wave)
+        change(self._centre, visible=control is not None)
+        change(self._wave, visible=control is not None and control.can_wave)
         self._show(control.positions if control else None)
         text = self._source.why_none
         if control:
             text = control.warning or f'The positions are sent on {control.topic}.'
         if self._pages > 1:
             text += f' Page {self._page + 1} of {self._pages}.'
-        if self._status.content != (content := html(text, 'joints')):
-            self._status.content = content
+        change(self._status, content=html(text, 'joints'))
 
     def _act(self, controls: Mapping[str, JointControl]) -> None:
         while self._actions:
@@ -126,7 +123,7 @@ class Joints:
         joints = [*positions.free.values()] if positions else []
         self._pages = max(1, -(-len(joints) // _SLIDERS))
         self._page = min(self._page, self._pages - 1)
-        _set_visible(self._turn, self._pages > 1)
+        change(self._turn, visible=self._pages > 1)
         if self._key != (key := (positions, self._page)):
             self._key = key
             for slider in self._sliders:
@@ -140,8 +137,3 @@ class Joints:
         for slider in self._sliders:
             if positions:
                 slider.show(positions[slider.joint.name])
-
-
-def _set_visible(handle: Any, is_visible: bool) -> None:
-    if handle.visible != is_visible:
-        handle.visible = is_visible

@@ -1,19 +1,17 @@
 """The transform between two frames: in numbers, as texts to copy, and over the last seconds."""
 
 from collections.abc import Iterable, Sequence
-from html import escape
 from math import degrees
 from typing import Any, Optional
 
 import numpy as np
 import viser
 
-from puretf import Transform
-from puretf.formatting import exact_time, SECOND, visible
+from puretf import exact_time, SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import FrameChoice
-from puretf_tools.view.copied import command_line, copied
+from puretf_tools.view.details import command_line, copied, html, STYLE
 from puretf_tools.view.feed import AnyBuffer, LENGTH
 
 #: The shortest times between two updates of the numbers and of the plots (s).
@@ -22,8 +20,6 @@ _NUMBERS_PERIOD, _PLOTS_PERIOD = 0.2, 0.5
 _OFFSETS = np.arange(-LENGTH * SECOND, 1, SECOND // 20, dtype=np.int64)
 #: The colours of the plots: those of the axes x, y, z in the scene.
 _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
-_STYLE = ('margin: 0 .5em .5em; font-size: .8em; line-height: 1.5; '
-          'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 
 
 class Pair:
@@ -99,7 +95,7 @@ class Pair:
 
     def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
         self._shown = transform
-        self._numbers.content = _as_table(transform) if transform else _paragraph(why_not)
+        self._numbers.content = _as_table(transform) if transform else html(why_not, 'pair')
         self._button.visible = transform is not None
 
     def _show_plots(self, end: Optional[int]) -> None:
@@ -144,7 +140,7 @@ def _as_table(transform: Transform) -> str:
         _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),
         _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
         _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
-    return (f'<table style="{_STYLE}" data-text="pair">'
+    return (f'<table style="{STYLE}" data-text="pair">'
             f'<tr>{_label("time")}<td colspan="4">{time}</td></tr>{rows}</table>')
 
 
@@ -152,12 +148,12 @@ def _as_texts(transform: Transform) -> str:
     """Return in HTML a command, with nine digits, and a line of Python with all digits."""
     _, a, b, translation, rotation = transform
     if not np.isfinite(translation).all():
-        return _paragraph('The translation is not finite.')
+        return html('The translation is not finite.', 'pair')
     texts = [f'from puretf import Transform; transform = {transform!r}']
     if (a + b).isprintable():  # other characters could control the terminal
         texts.insert(0, command_line(a, b, zip(
             ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*translation, *rotation))))
-    return _paragraph('Click a text to select it.') + ''.join(
+    return html('Click a text to select it.', 'pair') + ''.join(
         copied(text, 'pair') for text in texts)
 
 
@@ -169,7 +165,3 @@ def _row(label: str, values: Iterable[float], precision: int) -> str:
 
 def _label(text: str) -> str:
     return f'<td style="opacity: .7">{text}</td>'
-
-
-def _paragraph(text: str) -> str:
-    return f'<div style="{_STYLE}" data-text="pair">{escape(visible(text))}</div>' if text else ''

@@ -8,13 +8,12 @@ import viser
 
 from puretf_tools.view.body import BodyDisplay
 from puretf_tools.view.controls import AUTOMATIC, FrameChoice, within
-from puretf_tools.view.display import configure, DisplayPanel
+from puretf_tools.view.display import configure, DisplayPanel, RobotPanel
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.joints import Joints
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement
-from puretf_tools.view.robot_panel import RobotPanel
 from puretf_tools.view.scene import NAMES_AT_ONCE
 from puretf_tools.view.tree import Tree
 

@@ -1,19 +1,19 @@
-"""The placement of frames in the scene at one time: position, parent and age of each frame."""
+"""The placement of frames in the scene at one time: the position and the parent of each."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import takewhile
 from math import isfinite
 from time import monotonic
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puretf import Frame
-from puretf.formatting import in_seconds
-from puretf_tools.inspection.forest import Forest, self_and_ancestors
+from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.view.feed import AnyBuffer
+from puretf_tools.view.freshness import ages, Freshness, without_gone
 
 #: The distance between the anchors of trees that are not connected, along -y (m).
 SPACING = 2.0
@@ -22,13 +22,8 @@ SPACING = 2.0
 REACH = 1e6
 #: If no viewer has chosen a fixed frame, it is the first of these that exists.
 PREFERRED = 'map', 'odom', 'world', 'base_link'
-#: A dynamic frame leaves the page if its last update is this much (s) older than the last update
-#: of any frame.
-GONE = 60.0
 #: The largest number of frames that are shown.
 MAX_FRAMES = 2000
-
-_Value = TypeVar('_Value')
 
 
 class Placement(NamedTuple):
@@ -44,7 +39,7 @@ class Placement(NamedTuple):
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
     points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), within `REACH`
     stamps: list[int]  #: (n,): ns; 0: the pose is valid at all times
-    ages: NDArray[np.float64]  #: (n,): s, see `_ages`
+    ages: NDArray[np.float64]  #: (n,): s, see `freshness.ages`
     silences: dict[str, float]  #: by name: s since the last new stamp; 0 if the frame is static
     frames: dict[str, Frame]  #: by name: the frames that have a parent and are shown
     trees: dict[str, float]  #: by anchor: its y in the scene (m)
@@ -52,7 +47,7 @@ class Placement(NamedTuple):
     loops: list[list[str]]  #: frames in loops; these are not in `names`
     far: list[str]  #: frames beyond `REACH`, which are drawn at that distance
     not_finite: list[str]  #: frames that are not in `names` because x, y or z is not finite
-    gone: int  #: the number of frames that have left the page; see `GONE`
+    gone: int  #: the number of frames that have left the page; see `freshness.GONE`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
 
     def anchor_of(self, name: str) -> tuple[str, float]:
@@ -67,9 +62,7 @@ class FrameWatcher:
     """Places the frames of a buffer, and remembers when each frame was last updated."""
 
     def __init__(self, buffer: AnyBuffer, clock: Callable[[], float] = monotonic) -> None:
-        self._buffer, self._clock = buffer, clock
-        #: By dynamic frame: the newest stamp (ns), and when it was first seen (s).
-        self._updates: dict[str, tuple[int, float]] = {}
+        self._buffer, self._freshness = buffer, Freshness(clock)
 
     def placement(self, fixed: str = '', until: int = 0) -> Placement:
         """
@@ -80,11 +73,21 @@ class FrameWatcher:
         """
         with self._buffer.updated():
             known = {frame.name: frame for frame in self._buffer.frames(until)}
-            silences = self._silences(known, until)
-            kept = known if until else _without_gone(known, silences)
-            shown = _select(kept, fixed)
+            silences = self._freshness.silences(known, until)
+            kept = known if until else without_gone(known, silences)
+            forest = Forest(kept.values())
+            # Frames in and below loops have no root.
+            root_of = descend(kept, {root: root for root in forest.roots}, lambda _, root: root)
+            if fixed not in root_of:
+                fixed = _default_fixed(root_of)
+            shown = _first(kept, root_of, fixed)
+            root = root_of.get(fixed, '')
+            anchors = [fixed] * bool(fixed) + [
+                each for each in forest.roots if each in shown and each != root]
+            trees = {anchor: -SPACING * i for i, anchor in enumerate(anchors)}
+            frames = {name: frame for name, frame in kept.items() if name in shown}
             found = [(y, name, pose) for y, tree in zip(
-                shown.trees.values(), self._buffer.lookup_all(shown.trees, until, shown.frames))
+                trees.values(), self._buffer.lookup_all(trees, until, frames))
                 for name, pose in tree.items()]
         placed = [each for each in found if all(map(isfinite, each[2].translation))]
         names = [name for _, name, _ in placed]
@@ -95,92 +98,27 @@ class FrameWatcher:
         places[:, 1] += [y for y, _, _ in placed]
         points = within_reach(places)
         is_far = (points != places).any(axis=1)
-        silences = {name: silences[name] for name in shown.frames}
-        ages = _ages(shown.frames, shown.trees, silences)
+        silences = {name: silences[name] for name in frames}
+        age_of = ages(frames, trees, silences)
         return Placement(
-            fixed=shown.fixed, names=names,
-            parents=[index.get(shown.frames[name].parent, -1) if name in shown.frames else -1
+            fixed=fixed, names=names,
+            parents=[index.get(frames[name].parent, -1) if name in frames else -1
                      for name in names],
             poses=poses, points=points, stamps=[pose.stamp for _, _, pose in placed],
-            ages=np.array([ages[name] for name in names]), silences=silences,
-            frames=shown.frames, trees=shown.trees,
-            deepest=_deepest(shown.frames, shown.root, index), loops=shown.loops,
+            ages=np.array([age_of[name] for name in names]), silences=silences,
+            frames=frames, trees=trees, deepest=_deepest(frames, root, index), loops=forest.loops,
             far=[name for name, far in zip(names, is_far) if far],
             not_finite=[name for _, name, _ in found if name not in index],
-            gone=0 if kept is known else len(_names(known)) - len(_names(kept)),
-            left_out=shown.left_out)
+            gone=_count(known) - _count(kept),
+            left_out=[name for name in root_of if name not in shown])
 
     def watch(self) -> None:
         """Remember when the frames were updated, as `placement` does for the latest time."""
-        self._silences({frame.name: frame for frame in self._buffer.frames()}, 0)
+        self._freshness.silences({frame.name: frame for frame in self._buffer.frames()})
 
-    def _silences(self, frames: dict[str, Frame], until: int) -> dict[str, float]:
-        if until:
-            return {name: 0.0 if frame.is_static else in_seconds(until - frame.latest)
-                    for name, frame in frames.items()}
-        now, before = self._clock(), self._updates
-        self._updates = {}
-        for name, frame in frames.items():
-            if not frame.is_static:
-                stamp, since = before.get(name, (0, now))
-                self._updates[name] = frame.latest, since if stamp == frame.latest else now
-        return {name: now - self._updates[name][1] if name in self._updates else 0.0
-                for name in frames}
-
-
-def _names(frames: dict[str, Frame]) -> set[str]:
-    """Return the names of frames that have a parent, and of their parents."""
-    return {*frames, *(frame.parent for frame in frames.values())}
-
-
-def _without_gone(frames: dict[str, Frame], silences: dict[str, float]) -> dict[str, Frame]:
-    """
-    Return the frames without those that have left the page.
-
-    A dynamic frame leaves after `GONE`, and with it the static frames below it. If there is a
-    dynamic frame below it that stays, they stay too, in a tree of their own.
-    """
-    quietest = min((silences[name] for name, frame in frames.items() if not frame.is_static),
-                   default=0.0)
-    silent = {name for name, silence in silences.items() if silence - quietest > GONE}
-    if not silent:
-        return frames
-    rest = {name: frame for name, frame in frames.items() if name not in silent}
-    root_of = _roots(rest, _names(rest) - rest.keys())
-    silent.difference_update(
-        root_of.get(name, '') for name, frame in rest.items() if not frame.is_static)
-    return {name: frame for name, frame in rest.items() if root_of.get(name) not in silent}
-
-
-class _Selection(NamedTuple):
-    """The frames that are shown; the other fields are as in `Placement`."""
-
-    fixed: str
-    root: str  #: of the tree with the fixed frame
-    frames: dict[str, Frame]
-    trees: dict[str, float]
-    loops: list[list[str]]
-    left_out: list[str]
-
-
-def _select(frames: dict[str, Frame], fixed: str) -> _Selection:
-    forest = Forest(frames.values())
-    root_of = _roots(forest.frames, forest.roots)
-    if fixed not in root_of:
-        fixed = _default_fixed(root_of)
-    shown = _first(forest.frames, root_of, fixed)
-    root = root_of.get(fixed, '')
-    anchors = [fixed] * bool(fixed) + [
-        each for each in forest.roots if each in shown and each != root]
-    return _Selection(
-        fixed, root, {name: frame for name, frame in forest.frames.items() if name in shown},
-        {anchor: -SPACING * i for i, anchor in enumerate(anchors)}, forest.loops,
-        [name for name in root_of if name not in shown])
-
-
-def _roots(frames: dict[str, Frame], roots: Iterable[str]) -> dict[str, str]:
-    """Return the root of each frame that is in a tree; frames in and below loops are in none."""
-    return descend(frames, {root: root for root in roots}, lambda _, root: root)
+def _count(frames: dict[str, Frame]) -> int:
+    """Return the number of frames, and of their parents that have no parent."""
+    return len({*frames, *(frame.parent for frame in frames.values())})
 
 
 def _default_fixed(root_of: dict[str, str]) -> str:
@@ -223,41 +161,3 @@ def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:
     clipped: NDArray[np.float64] = points * np.minimum(
         1.0, REACH / largest / np.maximum(ratios, 1.0))
     return clipped
-
-
-def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, float]
-          ) -> dict[str, float]:
-    """
-    Compute the ages of frames (s): the longest silence on the path to the anchor.
-
-    For the anchor itself, there is no such path: its age is its own silence, or if it is a root,
-    the shortest silence of its children.
-    """
-    ages: dict[str, float] = {}
-    for anchor in trees:
-        age = 0.0
-        for name in self_and_ancestors(anchor, frames):
-            ages[name] = age
-            age = max(age, silences.get(name, 0.0))
-    ages = descend(frames, ages, lambda name, age: max(age, silences[name]))
-    children: dict[str, float] = {}
-    for name, frame in frames.items():
-        children[frame.parent] = min(silences[name], children.get(frame.parent, np.inf))
-    for anchor in trees:
-        ages[anchor] = silences.get(anchor, children.get(anchor, 0.0))
-    return ages
-
-
-def descend(frames: dict[str, Frame], known: dict[str, _Value],
-             child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
-    """Add the values of all descendants, each from its name and the value of its parent."""
-    values = dict(known)
-    for name in frames:
-        path: dict[str, None] = {}
-        while name in frames and name not in values and name not in path:
-            path[name] = None
-            name = frames[name].parent
-        if name in values:
-            for child in reversed(path):
-                values[child] = child_value(child, values[frames[child].parent])
-    return values

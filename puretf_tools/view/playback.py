@@ -8,7 +8,7 @@ from typing import Any
 
 import viser
 
-from puretf.formatting import visible
+from puretf import visible
 from puretf_tools.view.controls import within
 from puretf_tools.view.details import html
 from puretf_tools.view.feed import Player

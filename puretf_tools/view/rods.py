@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf.rotations import quaternion_multiply
+from puretf_tools.view.freshness import TIMEOUT
 from puretf_tools.view.placement import Placement
 
-#: A frame of this age (s) is not drawn, as by default in rviz2 ("Frame Timeout").
-TIMEOUT = 15.0
 _HALF = np.sqrt(0.5)
 #: For each axis: the quaternion (x, y, z, w) that rotates z onto it, and its colour.
 _AXES = (
@@ -36,6 +35,11 @@ class Display(NamedTuple):
     timeout: float = TIMEOUT  #: a frame of this age (s) is not drawn
     hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
     is_dark: bool = False  #: whether the page is dark
+
+    def shown(self, placement: Placement) -> set[str]:
+        """Return the frames that are drawn: neither hidden nor timed out."""
+        return {name for name, age in zip(placement.names, placement.ages.tolist())
+                if age < self.timeout and name not in self.hidden}
 
 
 class Rods(NamedTuple):

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 import trimesh
 import viser
 
-from puretf.formatting import comma_list, visible_name
+from puretf import comma_list, shortened
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.body import Body, BodyDisplay
 from puretf_tools.view.display import VIEWS
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
-from puretf_tools.view.rods import Display, Rods, rods, TIMEOUT
+from puretf_tools.view.rods import Display, Rods, rods
 
 #: One update moves at most this many names; the next update moves the next ones.
 NAMES_AT_ONCE = 50
@@ -110,10 +110,8 @@ class Scene:
                 cast_shadow=False, receive_shadow=False)
             self._rods.on_click(self._click)
             return
-        self._rods.batched_positions = new.positions
-        self._rods.batched_wxyzs = new.wxyzs
-        self._rods.batched_scales = new.scales
-        self._rods.batched_colors = new.colors
+        for name, values in new._asdict().items():
+            setattr(self._rods, f'batched_{name}', values)
         self._rods.visible = True
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
@@ -166,11 +164,9 @@ class Scene:
 
 
 def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],
-            direction: Sequence[float] = VIEWS['all'], timeout: float = TIMEOUT) -> None:
+            direction: Sequence[float] = VIEWS['all']) -> None:
     """Move cameras so that some frames are visible, seen from a direction (x, y, z)."""
-    wanted = {*names}
-    points = placement.points[[name in wanted and age < timeout for name, age in zip(
-        placement.names, placement.ages.tolist())]]
+    points = placement.points[[name in names for name in placement.names]]
     if not len(points):
         return
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -216,9 +212,8 @@ def _grid(cell: float) -> NDArray[np.float64]:
 
 def _texts(placement: Placement, display: Display) -> list[str]:
     """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
-    texts = ['' if age >= display.timeout or name in display.hidden else
-             _cut(visible_name(name))
-             for name, age in zip(placement.names, placement.ages.tolist())]
+    shown = display.shown(placement)
+    texts = [_cut(shortened(name)) if name in shown else '' for name in placement.names]
     label_of = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
         if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]

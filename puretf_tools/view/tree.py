@@ -8,10 +8,12 @@ from typing import Any, NamedTuple, Optional
 
 import viser
 
-from puretf.formatting import visible_name
-from puretf_tools.inspection.forest import Forest, frequency, self_and_ancestors
+from puretf import LONGEST_NAME, shortened
+from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
+from puretf_tools.inspection.traffic import rate_of
+from puretf_tools.view.controls import change
 from puretf_tools.view.details import html
-from puretf_tools.view.placement import descend, Placement
+from puretf_tools.view.placement import Placement
 
 #: The number of rows that are shown at a time, and the time between two updates (s).
 _ROWS, _PERIOD = 50, 0.5
@@ -132,8 +134,7 @@ class Tree:
             return
         self._next = now + _PERIOD
         for box, names in (self._show, self._hidden), (self._show_branch, self._hidden_branches):
-            if box.value != (selected not in names):
-                box.value = selected not in names
+            change(box, value=selected not in names)
         rows = [*self._tree(placement, selected, hidden)]
         pages = max(1, -(-len(rows) // _ROWS))
         for i, row in enumerate(rows):
@@ -157,13 +158,10 @@ class Tree:
                 button.on_click(self._on_click)
                 self._buttons.append(button)
         for button, row in zip(self._buttons, self._rows):
-            for attribute, value in (('label', row.text), ('color', row.colour),
-                                     ('hint', visible_name(row.name)), ('visible', True)):
-                if getattr(button, attribute) != value:
-                    setattr(button, attribute, value)
+            change(button, label=row.text, color=row.colour,
+                   hint=shortened(row.name, LONGEST_NAME), visible=True)
         for button in self._buttons[len(self._rows):]:
-            if button.visible:
-                button.visible = False
+            change(button, visible=False)
 
     def _why_hidden(self, placement: Placement, name: str) -> str:
         """Return why a frame is hidden although its own checkboxes are ticked, or ''."""
@@ -181,12 +179,12 @@ class Tree:
         for line in lines:
             frame = line.frame
             rate = '' if frame is None else 'static' if frame.is_static else (
-                '-' if (hertz := frequency(frame)) is None else f'{hertz:.1f} Hz')
+                '-' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz')
             silence = placement.silences.get(line.name, 0.0)
             colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
                       or frame.is_static else next(
                           colour for colour, age in _COLOURS if silence <= age))
-            text = _row_text(min(line.level - top, _DEEPEST), visible_name(line.name), rate,
+            text = _row_text(min(line.level - top, _DEEPEST), shortened(line.name), rate,
                              _SELECTED if line.name == selected else '')
             yield _Row(line.name, text, colour)
 

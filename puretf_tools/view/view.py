@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 import viser
 
-from puretf.formatting import SECOND
+from puretf import SECOND
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
@@ -73,12 +73,11 @@ class Trail:
 
     def lines(self, placement: Placement, name: str, display: Display) -> NDArray[np.float64]:
         """Draw the trail of a placed frame in the scene; no lines if the frame is not drawn."""
-        if name in placement.names and name not in display.hidden:
+        if name in display.shown(placement):
             i = placement.names.index(name)
-            if placement.ages[i] < display.timeout:
-                anchor, y = placement.anchor_of(name)
-                return within_reach(np.array([0.0, y, 0.0]) + self.draw(
-                    anchor, name, placement.stamps[i], placement.poses[i, :3]))
+            anchor, y = placement.anchor_of(name)
+            return within_reach(np.array([0.0, y, 0.0]) + self.draw(
+                anchor, name, placement.stamps[i], placement.poses[i, :3]))
         return np.empty((0, 2, 3))
 
 
@@ -220,16 +219,16 @@ class Viewer:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
         if (placement := self._placement) is None:
             return
-        display = self._panel.display.display(self._panel.tree.hidden(placement))
-        names = {self._panel.selected.name} if view == 'frame' else {
-            *placement.names} - display.hidden
-        look_at(placement, names, self._cameras, VIEWS.get(view, VIEWS['all']), display.timeout)
+        hidden = (frozenset(placement.names) - {self._panel.selected.name} if view == 'frame' else
+                  self._panel.tree.hidden(placement))
+        look_at(placement, self._panel.display.display(hidden).shown(placement), self._cameras,
+                VIEWS.get(view, VIEWS['all']))
 
     def _turn_camera(self, placement: Placement, now: float) -> None:
         """Move the cameras at once, and once more `SETTLING` seconds after the first frame."""
         if self._turn_at is None and placement.names:
             self._turn_at = now + SETTLING
-            look_at(placement, placement.names, self._cameras)
+            look_at(placement, Display().shown(placement), self._cameras)
         if self._turn_at is not None and now >= self._turn_at:
             self._turn_at = np.inf
-            look_at(placement, placement.names, self._cameras)
+            look_at(placement, Display().shown(placement), self._cameras)

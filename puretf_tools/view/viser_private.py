@@ -108,13 +108,7 @@ def _check(message: Any) -> None:
     # viser would set any attribute of a control.
     if hasattr(message, 'updates') and message.updates.keys() != {'value'}:
         raise ValueError(message.updates)
-    if type(message).__name__.startswith('TransformControls'):
-        _check_handles(message)
-
-
-def _check_handles(message: Any) -> None:
-    """Raise an error if a message moves another node than `HANDLES`, or has no valid pose."""
-    if message.name != HANDLES:
+    if type(message).__name__.startswith('TransformControls') and message.name != HANDLES:
         raise ValueError(message.name)
     if hasattr(message, 'wxyz'):
         # Floats, since viser would keep three ints as an array of ints, and round the next pose.

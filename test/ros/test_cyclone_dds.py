@@ -6,7 +6,6 @@ from types import SimpleNamespace
 from cyclone import install, Library
 import pytest
 
-from puretf._ros import cyclone_dds
 from puretf._ros.cyclone_dds import gid_translator, IDENTIFIER
 
 READER = ctypes.c_int32(1234)
@@ -51,10 +50,10 @@ def test_a_publisher_that_has_ended_keeps_its_gid(library):
     assert gid_of(ARRIVED[SECOND]) == ARRIVED[SECOND]
 
 
-def test_the_number_of_gids_is_bounded(library, monkeypatch):
+def test_the_number_of_gids_is_bounded(library):
     """The oldest gid is forgotten; its publisher is asked for again."""
-    monkeypatch.setattr(cyclone_dds, '_MOST', 1)
-    gid_of = translator()
+    gid_of = gid_translator(DATA, most=1)
+    assert gid_of is not None
     for handle in FIRST, SECOND, SECOND, FIRST:
         assert gid_of(ARRIVED[handle]) == GIDS[handle]
     assert [handle for _, handle in library.calls] == [FIRST, SECOND, FIRST]

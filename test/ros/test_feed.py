@@ -12,7 +12,7 @@ from std_msgs.msg import Empty, String
 
 from puretf import TransformBroadcaster
 from puretf_tools.robot import description_listener, descriptions
-from puretf_tools.robot.observed import RobotListener
+from puretf_tools.robot.description_listener import RobotListener
 from puretf_tools.view.feed import LiveFeed, Publication
 
 

@@ -25,10 +25,10 @@ def test_the_remedies(ros):
             'to the TransformListener; in commands, omit --namespace.')
     ros.until(lambda: listener.other_topics_hint() == hint)
     section = ' More: tf_doctor --explain namespace'
-    assert listener.why_no_frames() == hint + section
+    assert listener.why_nothing() == hint + section
     publisher = TransformBroadcaster(ros.node, tf_topic='/a/tf').pub_tf
     ros.until(lambda: listener.other_topics_hint() == '')
-    ros.until(lambda: 'Nothing has arrived yet from /test.' in listener.why_no_frames())
+    ros.until(lambda: 'Nothing has arrived yet from /test.' in listener.why_nothing())
     ros.node.destroy_publisher(publisher)
     ros.until(lambda: listener.other_topics_hint() == hint)
     listener.buffer.set_transform_static(stamped('map', 'camera'), 'test')
@@ -68,7 +68,7 @@ def test_another_type(ros, student):
             'send transforms with a TransformBroadcaster or a StaticTransformBroadcaster. '
             'More: tf_doctor --explain missing_frame')
     ros.until(lambda: listener.topics_hint() == text)
-    assert listener.why_no_frames() == text
+    assert listener.why_nothing() == text
     TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
     ros.until(lambda: '/robot1/tf' in listener.other_topics_hint())
     assert listener.why_no_transform('map', 'camera').count(text) == 1

@@ -10,15 +10,15 @@ from ros_node import stamped
 from puretf import (
     Buffer,
     StaticTransformBroadcaster,
+    Transform,
     TransformBroadcaster,
     TransformListener,
 )
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.commands import static_transform_publisher
 from puretf_tools.view.feed import LiveFeed
-from puretf_tools.view.hand_publisher import StaticTransform
 
-HAND = StaticTransform('map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
+HAND = Transform(0, 'map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_it_is_published_until_it_is_stopped(ros, publisher, other):
     ros.until(lambda: late.can_transform('map', 'post', Time()))
     assert not late.can_transform('map', 'hand', Time())
     assert early.can_transform('map', 'hand', Time())
-    assert not publisher.send(HAND._replace(parent='post'), ME)
+    assert not publisher.send(HAND._replace(frame_id='post'), ME)
     ros.until(lambda: late.can_transform('post', 'hand', Time()))
     ros.until(lambda: numbers(early, 'post') == (HAND.translation, HAND.rotation))
 
@@ -78,7 +78,7 @@ def test_it_is_published_until_it_is_stopped(ros, publisher, other):
 def test_two_viewers_publish_a_frame_each(ros, publisher, other):
     """When one stops, the frame of the other stays for late listeners."""
     assert not publisher.send(HAND, ME)
-    assert not publisher.send(HAND._replace(name='second'), ME)
+    assert not publisher.send(HAND._replace(child_frame_id='second'), ME)
     assert publisher.send(HAND, YOU) == 'another viewer publishes frame hand already'
     publisher.stop('second')
     late = Buffer()
@@ -98,7 +98,7 @@ def test_a_frame_of_another_node_is_refused(ros, feed, publisher, other, broadca
 
     ros.until(is_received)
     ros.until(lambda: publisher.send(HAND, ME) == '/other publishes frame hand already')
-    assert not publisher.send(HAND._replace(name='new'), ME)
+    assert not publisher.send(HAND._replace(child_frame_id='new'), ME)
     other.destroy_node()
     ros.until(lambda: not publisher.send(HAND, ME))
 
@@ -121,7 +121,7 @@ def test_a_middleware_that_does_not_report_gids(handles, ros, feed, publisher, o
     ros.until(lambda: len(feed.buffer.frames()) == 2)
     assert not publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)), ME)
     assert 'one of /other, /test publishes frame base' in publisher.send(
-        HAND._replace(name='base'), ME)
+        HAND._replace(child_frame_id='base'), ME)
 
 
 def test_loops_are_refused(ros, feed, publisher, other):
@@ -130,13 +130,13 @@ def test_loops_are_refused(ros, feed, publisher, other):
         [stamped('map', 'odom'), stamped('odom', 'base')])
     ros.until(lambda: len(feed.buffer.frames()) == 2)
     assert 'map is above base: there would be a loop' in publisher.send(
-        HAND._replace(parent='base', name='map'), ME)
-    assert not publisher.send(HAND._replace(parent='base'), ME)
+        HAND._replace(frame_id='base', child_frame_id='map'), ME)
+    assert not publisher.send(HAND._replace(frame_id='base'), ME)
 
 
 def test_what_is_not_valid_is_refused(publisher):
     """A parent can have a name that ROS cannot send."""
-    assert 'NUL' in publisher.send(HAND._replace(parent='a\0'), ME)
+    assert 'NUL' in publisher.send(HAND._replace(frame_id='a\0'), ME)
     assert not publisher.send(HAND, YOU)
 
 
@@ -144,7 +144,7 @@ def test_what_is_not_valid_is_refused(publisher):
 def test_the_command_is_accepted(monkeypatch, parent, name):
     """It publishes the frame that the page publishes."""
     pytest.importorskip('viser')
-    from puretf_tools.view.copied import command_line
+    from puretf_tools.view.details import command_line
     sent = []
 
     def publish(*args, **kwargs):

@@ -15,10 +15,12 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 from ros_node import run_in_thread
 
-from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from puretf import StaticTransformBroadcaster, TFMessage, Transform, TransformBroadcaster
 from puretf._core import texts
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -85,6 +87,10 @@ def test_quality_of_service(ros, broadcaster, topic, durability):
         assert pub_tf.qos_profile.depth == (qos or (100 if topic == '/tf' else 1))
     profile = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
     assert broadcaster(ros.node, qos=profile).pub_tf.qos_profile == profile
+    overridden = broadcaster(
+        ros.node, qos_overriding_options=QoSOverridingOptions.with_default_policies())
+    assert overridden.pub_tf.qos_profile.durability == durability
+    assert ros.node.has_parameter(f'qos_overrides.{topic}.publisher.depth')
 
 
 @pytest.mark.parametrize('several', [list, iter])
@@ -201,6 +207,33 @@ def test_statics_accumulate(ros):
     (message,) = late
     assert message.transforms == [
         transform('map', 'a', 1.0), transform('odom', '/b', 4.0), transform('map', 'c', 3.0)]
+
+
+def test_statics_are_replaced(ros):
+    """`replace` drops the frames that were sent before; if one of its frames is bad, nothing."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform([transform('map', 'a', 1.0), transform('map', 'b', 2.0)])
+    broadcaster.replace(iter([transform('map', 'b', 3.0), transform('b', 'c', 4.0)]))
+    with pytest.raises(ValueError, match='finite'):
+        broadcaster.replace([transform('map', 'd', math.nan)])
+    broadcaster.sendTransform(transform('c', 'e', 5.0))
+    late: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late)
+    assert late[0].transforms == [
+        transform('map', 'b', 3.0), transform('b', 'c', 4.0), transform('c', 'e', 5.0)]
+
+
+@pytest.mark.parametrize(('stamp', 'sec', 'nanosec'), [
+    (0, 0, 0), (1_700_000_000_123_456_789, 1_700_000_000, 123_456_789), (-1, -1, 999_999_999)])
+def test_a_transform_as_a_message(stamp, sec, nanosec):
+    """`to_message` is the inverse of `from_message`; integers become float64."""
+    expected = transform('a', 'b', 1.5)
+    expected.header.stamp.sec, expected.header.stamp.nanosec = sec, nanosec
+    message = Transform(stamp, 'a', 'b', (1.5, 0, 0), (0, 0, 0, 1)).to_message()
+    assert message == expected
+    assert deserialize_message(serialize_message(message), TransformStamped) == expected
+    assert Transform.from_message(message) == Transform(stamp, 'a', 'b', (1.5, 0.0, 0.0))
 
 
 EDGES = [('map', 'odom'), ('odom', 'base_link')]

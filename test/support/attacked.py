@@ -33,12 +33,12 @@ from rclpy.time import Time
 from puretf import (
     Buffer,
     LookupException,
+    Transform,
     TransformBroadcaster,
     TransformException,
     TransformListener,
 )
 from puretf._core.engine import engine_of
-from puretf.buffer_core import to_message
 from puretf_tools.cli.fast_dds import destroy
 
 S = 10**9
@@ -283,7 +283,7 @@ def time_of(number):
 
 def row_message(frame, number):
     """Return the message with a transform whose x is its stamp in ms."""
-    return to_message('map', frame, (number * 10**6, (float(number), *STILL[1:])))
+    return Transform(number * 10**6, 'map', frame, (float(number), 0.0, 0.0)).to_message()
 
 
 def interrupt(seed):

@@ -31,11 +31,10 @@ import bags
 from environment import COMMANDS, ROS
 from fuzz_messages import folder, Input, logged_texts, S, T
 
-from puretf import TransformBuffer, TransformException
+from puretf import LONGEST_NAME, shortened, TransformBuffer, TransformException, visible
 from puretf._core.frames import as_dot as frames_as_dot
 from puretf._core.pose import Row
 from puretf._wire import cdr
-from puretf.formatting import visible, visible_lines, visible_name
 from puretf_tools.commands.tf2_monitor import format_traffic
 from puretf_tools.commands.view_frames import format_tree
 from puretf_tools.inspection.forest import Forest
@@ -222,7 +221,8 @@ def _check_errors(buffer: TransformBuffer, names: list[str], ends: tuple[str, st
         offline = _offline_listener()
         if offline is not None:
             listener = offline(buffer)
-            check_lines(visible_lines(listener.why_no_transform(target, frame)), 12_000)
+            why = listener.why_no_transform(target, frame)
+            check_lines('\n'.join(map(visible, why.split('\n'))), 12_000)
             from puretf_tools.commands.tf2_monitor import Chain
             check_lines('\n'.join(Chain(listener, (target, frame)).lines()), 12_000)
 
@@ -239,8 +239,10 @@ def _offline_listener() -> Any:
     class Offline(FrameListener):
         """A listener without a node, whose frames have all arrived."""
 
+        buffer: Any = None
+
         def __init__(self, buffer: TransformBuffer) -> None:
-            self.buffer: Any = BufferCore()
+            self.buffer = BufferCore()
             for frame in buffer.frames():
                 self.buffer.insert(frame.latest, frame.parent, frame.name, bags.STILL,
                                    frame.authority, frame.is_static)
@@ -252,7 +254,7 @@ def _offline_listener() -> Any:
         def topics_hint(self) -> str:
             return ''
 
-        def why_no_frames(self) -> str:
+        def why_nothing(self) -> str:
             return ''
 
     return Offline
@@ -274,7 +276,7 @@ def _check_graphs(buffer: TransformBuffer, frames: Any, names: list[str]) -> Non
     labels = [unescape(re.sub(r'\\(.)', lambda found: found[1].replace('n', '\n'),
                               node.attr['label'])) for node in graph.nodes()]
     assert sorted(labels) == sorted(
-        '\n'.join(map(visible_name, name.split('\n'))) for name in names)
+        '\n'.join(shortened(line, LONGEST_NAME) for line in name.split('\n')) for name in names)
     # Rules for the graph of tf2's format, in which a name stands as it is: a backslash in an
     # identifier is doubled, and graphviz leaves it so; a name that begins with a percent sign is
     # one of graphviz's own, which pygraphviz cannot read; a lone surrogate is not UTF-8; and a

@@ -2,14 +2,15 @@
 
 from functools import cache
 import json
-from typing import Any, NoReturn
+import struct
+from typing import Any, NoReturn, Optional
 
 from environment import DATA
 import pytest
 
 from puretf._bag.context import Stream
 from puretf._core.pose import BatchOrRows, Row
-from puretf._wire import cdr
+from puretf._wire import cdr, ros1
 from puretf._wire.cdr import Fields
 from puretf._wire.message_reader import MessageReader
 from puretf.bag import BagMessage
@@ -66,3 +67,20 @@ def golden_rows(case: dict[str, Any]) -> list[Row]:
     """Return the transforms of a golden case as rows."""
     return [Row(sec * 10**9 + nanosec, parent, child, pose)
             for sec, nanosec, parent, child, pose in golden_fields(case)]
+
+
+def written(rows: list[Row], order: str = '<', encoding: Any = cdr,
+            stamps: Optional[list[tuple[int, int]]] = None) -> bytes:
+    """Serialize transforms in a byte order, by the struct module only; `stamps`: sec, nanosec."""
+    is_ros1, body = encoding is ros1, struct.pack(f'{order}I', len(rows))
+    for (sec, nanosec), (_, *names, pose) in zip(
+            stamps or [divmod(row.stamp_ns, 10**9) for row in rows], rows):
+        body += bytes(4) if is_ros1 else bytes(-len(body) % 4)
+        body += struct.pack(f'{order}II', sec % 2**32, nanosec)
+        for name in names:
+            text = name.encode('utf-8', 'surrogateescape') + (b'' if is_ros1 else b'\0')
+            body += b'' if is_ros1 else bytes(-len(body) % 4)
+            body += struct.pack(f'{order}I', len(text)) + text
+        body += b'' if is_ros1 else bytes(-len(body) % 8)
+        body += struct.pack(f'{order}7d', *pose)
+    return body if is_ros1 else bytes([0, order == '<', 0, 0]) + body

@@ -1,7 +1,10 @@
 """A reference implementation of TF with lists and 4 x 4 matrices: slow, and easy to check."""
 
 import numpy as np
+import pytest
 from transforms3d import affines, quaternions
+
+from puretf import TransformException
 
 UNKNOWN, UNCONNECTED, OUT_OF_REACH = (
     'LookupException', 'ConnectivityException', 'ExtrapolationException')
@@ -147,3 +150,18 @@ class Model:
         if isinstance(first, str):
             return first
         return second if isinstance(second, str) else (second[0], second[1] @ first[1])
+
+
+def compare_many_with_single(buffer, target, source, times):
+    """Assert that `lookup_transforms` returns what `lookup_transform` returns for each time."""
+    many = buffer.lookup_transforms(target, source, times)
+    for translation, rotation, known, at in zip(*many, times, strict=True):
+        try:
+            one = buffer.lookup_transform(target, source, at)
+        except TransformException:
+            assert not known
+            assert np.isnan([*translation, *rotation]).all()
+        else:
+            assert known
+            assert translation == pytest.approx(one.translation, rel=0, abs=1e-12, nan_ok=True)
+            assert rotation == pytest.approx(one.rotation, rel=0, abs=1e-12)

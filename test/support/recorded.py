@@ -46,13 +46,14 @@ def judged(transforms, messages, frame='base', **kwargs):
     return times
 
 
-def observed(transforms, messages, frame='base', **kwargs):
+def observed(transforms, messages, frame='base', most=20_000, **kwargs):
     """
     Return the `Observation` of transforms, and of messages on /scan.
 
     :param messages: each (arrival, stamp) in ms after `T`; None: the stamp 0.
+    :param most: the size of the sample of messages.
     """
-    statistics, headers = Statistics(), Headers()
+    statistics, headers = Statistics(), Headers(most=most)
     statistics.add_messages(sorted(transforms, key=lambda message: message.time))
     for arrival, stamp in messages:
         if headers.wants_next():

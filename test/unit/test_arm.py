@@ -2,6 +2,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
+from model import matrix
 import numpy as np
 import pytest
 
@@ -10,16 +11,6 @@ from dummy_arm.arm import Arm, Joint, Wave
 times = st.floats(-1e4, 1e4)
 speeds = st.floats(-10, 10)
 limits = st.floats(0, np.pi)
-
-
-def matrix(pose):
-    """Return the 4x4 matrix of a pose, by the textbook formula."""
-    x, y, z, qx, qy, qz, qw = pose
-    return np.array([
-        [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw), x],
-        [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw), y],
-        [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy), z],
-        [0, 0, 0, 1]])
 
 
 def test_the_numbers_of_the_course():
@@ -39,7 +30,7 @@ def test_the_end_effector_is_where_a_planar_arm_has_it(phases):
     arm = Arm()
     a, b, c = np.radians([45, 30, 60]) * np.sin(phases)
     along = np.array([np.cos([a, a + b, a + b + c]), np.sin([a, a + b, a + b + c])])
-    end = np.linalg.multi_dot([matrix(pose) for pose in arm.poses(phases)])[:3, 3]
+    end = np.linalg.multi_dot([matrix(pose[:3], pose[3:]) for pose in arm.poses(phases)])[:3, 3]
     np.testing.assert_allclose(end, [*along @ [0.4, 0.3, 0.2], 0.3], atol=1e-12)
 
 

@@ -45,6 +45,11 @@ def robot(*links, name='robot'):
     return parsed(f'<robot name="{name}">{"".join(links)}{joints}</robot>')
 
 
+def spheres(*names):
+    """Return a robot whose links are spheres."""
+    return robot(*(link(name, ('<sphere radius="1"/>',)) for name in names))
+
+
 def buffer_of(*edges, x=1.0):
     """Return a buffer with static frames, each x m before its parent."""
     buffer = TransformBuffer(10**18)
@@ -92,6 +97,11 @@ def drawn(shown):
             if shown.viewer.nodes[name].get('visible') for shape in shapes]
 
 
+def says(shown, text):
+    """Wait until the page says something about the robots."""
+    shown.until(lambda: text in shown.viewer.text('robot'))
+
+
 def test_the_shapes_of_a_link(page):
     """Each has its size, color and pose in the link; the link moves with its frame."""
     body = robot(link('base'), link(
@@ -113,8 +123,7 @@ def test_the_shapes_of_a_link(page):
     # Two turns of 90 degrees about z.
     assert [*node['position']] == pytest.approx([1, 1, 0])
     assert [*node['wxyz']] == pytest.approx([0, 0, 0, 1])
-    shown.until(lambda: 'robot on /robot_description: 2 of 2 links have a frame' in
-                shown.viewer.text('robot'))
+    says(shown, 'robot on /robot_description: 2 of 2 links have a frame')
 
 
 def test_a_body_moves(page):
@@ -123,7 +132,7 @@ def test_a_body_moves(page):
     buffer.insert(T, 'map', 'base', (1.0, 0, 0, 0, 0, 0, 1), is_static=True)
     buffer.insert(T, 'base', 'arm', (1.0, 0, 0, 0, 0, 0, 1))
     buffer.insert(T + 9 * S, 'base', 'arm', (10.0, 0, 0, 0, 0, 0, 1))
-    body = robot(*(link(name, ('<sphere radius="1"/>',)) for name in ('base', 'arm')))
+    body = spheres('base', 'arm')
     shown = page(buffer, {'/robot_description': body})
     shown.until(lambda: len(drawn(shown)) == 2)
     base, arm = (shown.viewer.nodes[name] for name in parts(shown))
@@ -162,10 +171,10 @@ def test_a_link_is_drawn_where_its_frame_is(page):
     buffer = buffer_of('map base')
     buffer.insert(T, 'base', 'arm', (1.0, 0, 0, 0, 0, 0, 1))
     buffer.insert(T + 60 * S, 'base', 'other', (1.0, 0, 0, 0, 0, 0, 1))
-    body = robot(*(link(name, ('<sphere radius="1"/>',)) for name in ('base', 'arm', 'lost')))
+    body = spheres('base', 'arm', 'lost')
     shown = page(buffer, {'/robot_description': body})
     shown.until(lambda: len(drawn(shown)) == 2)
-    shown.until(lambda: '2 of 3 links have a frame' in shown.viewer.text('robot'))
+    says(shown, '2 of 3 links have a frame')
     shown.set('Exclude', 'base')
     shown.until(lambda: len(drawn(shown)) == 1)
     shown.set('Exclude', '')
@@ -178,7 +187,7 @@ def test_a_link_is_drawn_where_its_frame_is(page):
 
 def test_a_click_on_a_body_selects_the_frame(page):
     """As a click on the axes does."""
-    body = robot(*(link(name, ('<sphere radius="1"/>',)) for name in ('base', 'arm')))
+    body = spheres('base', 'arm')
     shown = page(buffer_of('map r/base', 'r/base r/arm'), {'/r/robot_description': body})
     shown.until(lambda: len(drawn(shown)) == 2)
     shown.until(lambda: shown.viewer.detail('parent') == 'r/base')
@@ -236,10 +245,10 @@ def test_descriptions_change(page):
         '/robot_description': robot(link('arm', sphere, sphere), name='&lt;new&gt;')}
     shown.until(lambda: len(drawn(shown)) == 2)
     assert before.isdisjoint(parts(shown))
-    shown.until(lambda: '&lt;new&gt; on /robot_description' in shown.viewer.text('robot'))
+    says(shown, '&lt;new&gt; on /robot_description')
     shown.feed.robots = {'/robot_description': parsed('<robot name="a"/>')}
     shown.until(lambda: not parts(shown))
-    shown.until(lambda: '/robot_description: the robot has no link' in shown.viewer.text('robot'))
+    says(shown, '/robot_description: the robot has no link')
 
 
 def test_odd_sizes_are_drawn(page):
@@ -250,8 +259,7 @@ def test_odd_sizes_are_drawn(page):
     shown.until(lambda: len(drawn(shown)) == MAX_SHAPES)
     assert np.isfinite(np.array([*drawn(shown)[0]['dimensions'], *drawn(shown)[0]['position']],
                                 np.float32)).all()
-    shown.until(lambda: f'only {MAX_SHAPES} of {MAX_SHAPES + 1} shapes are drawn' in
-                shown.viewer.text('robot'))
+    says(shown, f'only {MAX_SHAPES} of {MAX_SHAPES + 1} shapes are drawn')
 
 
 def test_a_mesh(page, tmp_path):
@@ -281,12 +289,10 @@ def test_missing_meshes(page, tmp_path, monkeypatch):
     for box in boxes:
         assert [*box['dimensions']] == [0.1] * 3
         assert len({*box['color']}) == 1
-    shown.until(lambda: (
-        f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass '
-        '--meshes DIR, where DIR has the package or the file<br>' in shown.viewer.text('robot')))
-    shown.until(lambda: (
-        'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
-        'file:///PATH are read<' in shown.viewer.text('robot')))
+    says(shown, f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass '
+         '--meshes DIR, where DIR has the package or the file<br>')
+    says(shown, 'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
+         'file:///PATH are read<')
 
 
 FOUND = 'inside'
@@ -387,12 +393,12 @@ def test_a_robot_of_too_many_triangles(page, tmp_path, monkeypatch):
     """The meshes beyond the limit are grey boxes."""
     from puretf_tools.view import body as body_module
     monkeypatch.setattr(body_module, 'MAX_TRIANGLES', 1)
-    (tmp_path / 'a.stl').write_bytes(stl([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    (tmp_path / 'a.stl').write_bytes(stl(TRIANGLE))
     body = robot(link('base', *[(f'<mesh filename="file://{tmp_path}/a.stl"/>',)] * 2))
     shown = page(buffer_of('map base'), {'/robot_description': body}, [str(tmp_path)])
     shown.until(lambda: len(drawn(shown)) == 2)
     assert sum('dimensions' in shape for shape in drawn(shown)) == 1
-    shown.until(lambda: 'more than 1 triangles' in shown.viewer.text('robot'))
+    says(shown, 'more than 1 triangles')
 
 
 def test_a_mesh_that_comes_later(tmp_path):
@@ -401,7 +407,7 @@ def test_a_mesh_that_comes_later(tmp_path):
     meshes.load('package://pkg/a.stl')
     assert isinstance(meshes.get('package://pkg/a.stl'), str)
     (tmp_path / 'pkg').mkdir()
-    (tmp_path / 'pkg' / 'a.stl').write_bytes(stl([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    (tmp_path / 'pkg' / 'a.stl').write_bytes(stl(TRIANGLE))
     meshes.forget_failures()
     meshes.load('package://pkg/a.stl')
     assert not isinstance(meshes.get('package://pkg/a.stl'), str)

@@ -20,7 +20,7 @@ from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK
 from dummy_arm.grading.requirements import FRAMES
-from puretf.formatting import visible
+from puretf import visible
 from puretf_tools.cli.signals import record_signals
 
 
@@ -81,39 +81,6 @@ def test_a_bag_without_times_or_with_damage(tmp_path, capsys):
     output = capsys.readouterr().out
     assert 'The bag has no times.' in output
     assert output.endswith('not passed: 22 ok, 2 not judged\n')
-
-
-@pytest.mark.parametrize(('arguments', 'text'), [
-    (['a.py', '--bag', 'b'], 'give files of programs, or --bag, or --frames'),
-    (['--frames', 'f.pdf', '--bag', 'b'], 'give files of programs, or --bag, or --frames'),
-    (['--bag', 'b', '--time', '9'], '--time is for an arm that is running'),
-    (['--time', '0.5'], '--time must be at least 1 s, and at most 3600 s, got 0.5'),
-    (['--time', 'nan'], "'nan' is not finite"),
-    (['a.py', '--jobs', '0'], '--jobs must be at least 1, and at most 17, got 0'),
-    (['--jobs', '2'], '--csv, --feedback and --jobs need the files'),
-    (['--csv', 'out.csv'], '--csv, --feedback and --jobs need the files'),
-    (['a.py', '--resume'], '--resume needs --csv'),
-    (['a.py', 'a.py'], 'a.py is given twice'),
-    (['a\x1b', r'a\x1b'], r'a\x1b is given twice'),
-    (['a.py', '--namespace', 'robot'], '--namespace is for --bag'),
-    (['a.py', '--csv', 'b.py'], "--csv needs the name of a file that ends in .csv, got 'b.py'"),
-    (['a.csv', '--csv', 'a.csv'], '--csv needs the name of a file that ends in .csv'),
-    (['--partial'], '--partial needs --bag'),
-    (['--bag', ''], '--bag needs the path of a bag'),
-    (['--frames', 'frames.txt'], "'frames.txt' must end in .pdf or .gv")])
-def test_wrong_use(failed, arguments, text):
-    """Exit code 2, and one line."""
-    code, error = failed(main, *arguments)
-    assert code == 2
-    assert text in error
-    assert error.count('\n') == 1
-
-
-def test_a_bag_that_does_not_exist(failed):
-    """Exit code 1, and one line that names the bag."""
-    code, error = failed(main, '--bag', 'missing')
-    assert code == 1
-    assert re.fullmatch(r'check_arm: .*missing.*\n', error)
 
 
 EDGE = ('"{}" -> "{}"[label=" Broadcaster: default_authority\\nAverage rate: 50.2\\nBuffer '

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 import gc
+import io
 import os
 import shlex
 import signal
@@ -19,15 +20,7 @@ from puretf_tools import entry_points
 from puretf_tools.cli import files, progress, signals
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, read_bag
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import (
-    CommandError,
-    listening_time,
-    number,
-    Parser,
-    run,
-    seconds,
-    UsageError,
-)
+from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
 from puretf_tools.cli.signals import (
     begin_cleanup,
     check_signals,
@@ -96,14 +89,14 @@ def test_other_text_is_no_time(text):
 @pytest.mark.parametrize(('given', 'time'), [(None, 5.0), (0.001, 0.001), (1e9, 1e9)])
 def test_the_time_to_listen(given, time):
     """There is a default."""
-    assert listening_time(given) == time
+    assert progress.listening_time(given) == time
 
 
 @pytest.mark.parametrize('given', [0.0, -1.0, 1.1e9])
 def test_no_time_to_listen(given):
     """The error has the limits."""
     with pytest.raises(UsageError, match=r'more than 0 s, and at most 1e\+09 s, got '):
-        listening_time(given)
+        progress.listening_time(given)
 
 
 @pytest.mark.parametrize(('argument', 'hint'), [
@@ -471,38 +464,35 @@ def test_listening(clock, seconds, first, ctrl_c, end, listened):
     assert len(polled) > 10 * end
 
 
-class Stderr:
-    """A terminal, or none, and what is written to it."""
-
-    def __init__(self, is_terminal: bool) -> None:
-        """Create it empty."""
-        self.text = ''
-        self.isatty = lambda: is_terminal
-        self.write = self._write
-        self.flush = lambda: None
-
-    def _write(self, text: str) -> None:
-        self.text += text
+def replace_stderr(monkeypatch, is_terminal):
+    """Let stderr be a terminal or a pipe; return its text."""
+    stderr = io.StringIO()
+    monkeypatch.setattr(stderr, 'isatty', lambda: is_terminal)
+    monkeypatch.setattr(sys, 'stderr', stderr)
+    return stderr
 
 
-@pytest.mark.parametrize(('stderr', 'has_tqdm'), [
-    (Stderr(True), True), (Stderr(True), False), (Stderr(False), True), (None, True)])
-def test_a_bar_is_shown_on_a_terminal(monkeypatch, clock, stderr, has_tqdm):
+@pytest.mark.parametrize(('kind', 'has_tqdm'), [
+    ('terminal', True), ('terminal', False), ('pipe', True), ('closed', True)])
+def test_a_bar_is_shown_on_a_terminal(monkeypatch, clock, kind, has_tqdm):
     """It is filled while time passes, and erased; there is none in a pipe or without tqdm."""
     if has_tqdm:
         tqdm = pytest.importorskip('tqdm').tqdm
         monkeypatch.setattr(tqdm, 'monitor_interval', 0)  # it would start a thread
     else:
         monkeypatch.setitem(sys.modules, 'tqdm', None)
-    monkeypatch.setattr(sys, 'stderr', stderr)
+    stderr = replace_stderr(monkeypatch, kind == 'terminal')
+    if kind == 'closed':
+        monkeypatch.setattr(sys, 'stderr', None)
     assert not progress.wait(3.0, 'waiting')
     assert clock.passed() == 3.0
-    if stderr and stderr.isatty() and has_tqdm:
-        assert 'waiting' in stderr.text
-        assert '0.0 of 3 s' in stderr.text
-        assert not stderr.text.split('\r')[-2].strip()
-    elif stderr:
-        assert stderr.text == ''
+    text = stderr.getvalue()
+    if kind == 'terminal' and has_tqdm:
+        assert 'waiting' in text
+        assert '0.0 of 3 s' in text
+        assert not text.split('\r')[-2].strip()
+    else:
+        assert text == ''
 
 
 def test_a_bar_is_never_more_than_full(monkeypatch, clock):
@@ -525,7 +515,7 @@ def test_a_bar_is_never_more_than_full(monkeypatch, clock):
             steps.append(step)
 
     monkeypatch.setitem(sys.modules, 'tqdm', SimpleNamespace(tqdm=Bar))
-    monkeypatch.setattr(sys, 'stderr', Stderr(True))
+    replace_stderr(monkeypatch, True)
     with progress.progress(10.0, desc='reading') as show:
         for done in 2.0, 5.0:
             show(done)

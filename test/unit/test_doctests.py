@@ -6,7 +6,7 @@ from importlib import import_module
 from imports import modules
 import pytest
 
-from puretf import formatting
+import puretf
 
 NAMES = [name for name, path in modules().items() if '>>> ' in path.read_text()]
 
@@ -21,5 +21,8 @@ def test_examples_are_right(name):
 
 def test_every_function_for_texts_has_an_example():
     """An example shows the format at a glance."""
-    functions = (getattr(formatting, name) for name in formatting.__all__)
-    assert not [each for each in functions if callable(each) and '>>> ' not in each.__doc__]
+    functions = [each for name, module in puretf._MODULES.items()
+                 if module in ('_core.texts', '_core.times')
+                 and callable(each := getattr(puretf, name))]
+    assert functions
+    assert not [each for each in functions if '>>> ' not in each.__doc__]

@@ -3,7 +3,7 @@
 import pytest
 
 from puretf import Frame
-from puretf_tools.inspection.forest import Forest, frequency
+from puretf_tools.inspection.forest import Forest
 
 
 def static(name, parent):
@@ -73,10 +73,3 @@ def test_the_subtree_of_a_frame_in_a_loop(root):
     names = [line.split()[-1] for line in lines(tree)]
     assert names[0] == root
     assert sorted(names) == sorted([root, 'x', 'y', 'z', 'twig'])
-
-
-def test_the_frequency():
-    """It is that of the intervals; samples of one stamp have none."""
-    assert frequency(Frame('a', 'map', '/node', False, 11, 2 * 10**9, 10**9)) == 10.0
-    assert frequency(Frame('a', 'map', '/node', False, 3, 10**9, 10**9)) is None
-    assert frequency(static('a', 'map')) is None

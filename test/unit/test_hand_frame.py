@@ -7,16 +7,16 @@ from typing import cast
 
 import pytest
 
-from puretf import TransformBuffer
+from puretf import Transform, TransformBuffer
 from puretf_tools.view.placement import FrameWatcher
 
 pytest.importorskip('viser')
 from viewer import Viewer
 from websockets.exceptions import ConnectionClosed
 
-from puretf_tools.view.copied import command_line
+from puretf_tools.view.details import command_line
 from puretf_tools.view.hand_frame import HandFrame, yaml_text
-from puretf_tools.view.hand_publisher import HandPublisher, StaticTransform
+from puretf_tools.view.hand_publisher import HandPublisher
 from puretf_tools.view.server import serve
 from puretf_tools.view.viser_private import HANDLES
 
@@ -160,7 +160,7 @@ def test_it_is_published_while_publish_is_on(page):
     page.until(lambda: len(published) == 2)
     for _ in range(3):
         page.update()
-    assert published[0] == StaticTransform('map', 'hand', (1, 0, 0), (0, 0, 0, 1))
+    assert published[0] == Transform(0, 'map', 'hand', (1, 0, 0), (0, 0, 0, 1))
     assert published[1].rotation == pytest.approx((0, 0, 1, 0))
     viewer.set('New frame', 'hand2')
     page.until(lambda: viewer.gui[viewer.uuid('Publish')]['value'] is False)
@@ -176,7 +176,7 @@ def test_the_parent_of_a_published_frame_stays(page):
     page.fixed = 'base'
     for _ in range(3):
         page.update()
-    assert [each.parent for each in page.published] == ['odom']
+    assert [each.frame_id for each in page.published] == ['odom']
 
 
 def test_a_refusal_switches_publish_off(page):
@@ -229,9 +229,9 @@ def test_a_page_without_a_name_has_no_handles():
 def test_the_texts_that_are_copied():
     """The YAML has the fields of a TransformStamped; no number has an exponent."""
     yaml = pytest.importorskip('yaml')
-    transform = StaticTransform('map', "it's: é", (1.0, 1e-6, -0.0), (0.0, 0.0, -HALF, HALF))
+    transform = Transform(0, 'map', "it's: é", (1.0, 1e-6, -0.0), (0.0, 0.0, -HALF, HALF))
     numbers = zip(('x', 'y', 'z', 'roll', 'yaw'), (*transform.translation, 0.0, -pi / 2))
-    assert command_line(transform.parent, transform.name, numbers) == (
+    assert command_line(transform.frame_id, transform.child_frame_id, numbers) == (
         'static_transform_publisher --x 1.0 --y 0.000001 --yaw -1.570796327 --frame-id map '
         """--child-frame-id 'it'"'"'s: é'""")
     assert yaml.safe_load(yaml_text(transform)) == {

@@ -52,7 +52,7 @@ def hint_of(buffer, time=0, source='base'):
 def silent(monkeypatch):
     """Let some seconds pass after the last arrival, by `silent(seconds)`."""
     def wait(seconds):
-        monkeypatch.setattr('puretf._core.tree.monotonic_ns',
+        monkeypatch.setattr('puretf._core.failures.monotonic_ns',
                             lambda: monotonic_ns() + int(seconds * S))
 
     return wait

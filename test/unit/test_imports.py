@@ -88,7 +88,7 @@ def test_the_entry_points_import_nothing_but_signals():
 
 def test_what_every_command_starts_with_is_light():
     """It does not import numpy, which takes longer than all the rest."""
-    for name in 'puretf_tools.cli.entry_point', 'puretf_tools.cli.parser', 'puretf.formatting':
+    for name in 'puretf_tools.cli.entry_point', 'puretf_tools.cli.parser':
         assert 'numpy' not in reached(modules()[name], is_late=False)
 
 
@@ -112,7 +112,7 @@ def test_modules_that_need_no_ros():
     """Those that users of bags need are among them."""
     assert {'dummy_arm.arm', 'puretf.bag', 'puretf.transform_buffer',
             'puretf_tools.doctor.observation', 'puretf.exceptions', 'puretf.rotations',
-            'puretf.formatting', 'puretf.transform', 'puretf.transform_table',
+            'puretf.transform', 'puretf.transform_table',
             'puretf_tools.commands.tf2_echo', 'puretf_tools.commands.tf_doctor',
             'puretf_tools.commands.tf_trajectory', 'puretf_tools.commands.view_frames',
             'puretf_tools.commands.web_view', 'puretf_tools.view.feed'} <= {*WITHOUT}

@@ -1,16 +1,15 @@
 """Insertion of messages: it has the same result as that of their transforms, one by one."""
 
-from itertools import count, product
+from itertools import product
 import logging
 import math
-import struct
 import threading
 import warnings
 
 from ctrl_c import interruptions
 from hypothesis import given
 from hypothesis import strategies as st
-from messages import ArrivedMessages, fail_on_error, golden_messages, golden_rows
+from messages import ArrivedMessages, fail_on_error, written
 import numpy as np
 import pytest
 
@@ -21,7 +20,7 @@ from puretf._core.engine import engine_of
 from puretf._core.history import History
 from puretf._core.insertion import normalize_poses
 from puretf._core.pose import Batch, Row
-from puretf._wire import cdr
+from puretf._wire import cdr, ros1
 from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
@@ -75,27 +74,6 @@ def test_many_rotations_are_normalised_as_one(monkeypatch, kind):
         np.testing.assert_array_equal(poses, expected)
         assert is_finite == np.isfinite(poses).all()
         assert is_finite or kind not in ('near', 'any', 'far', 'half turns')
-
-
-def test_golden_messages_are_read_as_unpacked():
-    """The fields are the same when a layout is new and when it is known."""
-    reader = MessageReader(fail_on_error)
-    for case in golden_messages():
-        data = bytes.fromhex(case['cdr_hex'])
-        rows = golden_rows(case)
-        plain = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
-                 for stamp, parent, child, pose in rows]
-        for is_known in False, True:
-            unknown, found_batches = read(reader, data)
-            found = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
-                     for stamp, parent, child, pose in unknown]
-            for batch in found_batches:
-                found += [(batch.stamps[0], parent, child, struct.unpack('7d', pose))
-                          for parent, child, pose in zip(
-                              batch.parents, batch.children, batch.poses)]
-            np.testing.assert_equal(found, plain)
-            if is_known and len({row[0] for row in rows}) == 1:
-                assert found_batches
 
 
 def test_padding_and_what_follows_are_no_matter():
@@ -178,20 +156,23 @@ def batches(draw):
             stamps = [now] * 4 if in_order else [
                 now - draw(st.integers(-1, 15)) * S for _ in range(4)]
             batch.append([
-                (stamp, parent, child, draw(good_or_bad_poses))
+                Row(stamp, parent, child, draw(good_or_bad_poses))
                 for stamp, (parent, child) in zip(stamps, draw(st.sampled_from(kinds)))])
         made.append((batch, draw(st.integers(0, 5)) == 0))
     return made
 
 
-@given(batches(), st.sampled_from([1, 1000]))
-def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
+@pytest.mark.parametrize('encoding', [cdr, ros1])
+@given(made=batches(), many=st.sampled_from([1, 1000]))
+def test_messages_are_inserted_as_their_transforms_one_by_one(encoding, made, many):
     """The samples, parents, static frames and expiry are the same for any messages."""
-    fast, slow, reader = TransformBuffer(), TransformBuffer(), MessageReader(fail_on_error)
+    fast, slow = TransformBuffer(), TransformBuffer()
+    reader = MessageReader(fail_on_error, encoding)
     before, insertion._MANY = insertion._MANY, many
     try:
         for batch, is_static in made:
-            insert(fast, reader, *map(cdr.pack, batch), is_static=is_static)
+            insert(fast, reader, *(written(rows, encoding=encoding) for rows in batch),
+                   is_static=is_static)
             for stamp, parent, child, pose in (row for message in batch for row in message):
                 slow.insert(stamp, parent, child, pose, is_static=is_static)
             assert state(fast) == state(slow)
@@ -203,19 +184,6 @@ def chain(number, stamp, shift=0.0):
     """Return a message with a chain of frames."""
     return cdr.pack([Row(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
                       for i in range(number)])
-
-
-def test_a_stream_of_messages_answers_as_single_transforms_do():
-    """The batches have different sizes, and span several times the cache time."""
-    fast, slow = TransformBuffer(2 * S), TransformBuffer(2 * S)
-    reader = MessageReader(fail_on_error)
-    stamps = count(T * S, S // 50)
-    for size in 1, 30, 2, 39, 17, 1, 25, 8, 39:
-        batch = [chain(40, next(stamps), shift) for shift in range(size)]
-        insert(fast, reader, *batch)
-        for row in (row for data in batch for row in cdr.unpack(data)):
-            slow.insert(*row)
-        assert state(fast) == state(slow)
 
 
 def test_a_child_that_occurs_twice_in_a_message(logs):
@@ -279,67 +247,68 @@ def test_streams_that_have_frames_in_common_answer_as_single_transforms_do(seed,
 FILES = 'history.py', 'insertion.py', 'tree.py', 'engine.py'
 
 
-@pytest.mark.parametrize(('stamps', 'by'), [
-    ([60], 'insert'), ([60, 61, 62], 'message'), ([58.5], 'message'), ([200], 'message'),
-    ([200], 'insert')])
-@pytest.mark.parametrize('parent', ['a', 'b'])
-def test_ctrl_c_leaves_each_pose_its_stamp(stamps, parent, by):
-    """The message may be lost; more messages can be inserted afterwards."""
-    buffer, reader = TransformBuffer(), MessageReader(fail_on_error)
-
-    def put(*seconds, parent='a'):
-        insert(buffer, reader, *(
-            cdr.pack([Row(int(second * S), parent, 'c', (second, *STILL[1:]))])
-            for second in seconds))
-
-    def prepare():
-        nonlocal buffer, reader
-        buffer, reader = TransformBuffer(50 * S), MessageReader(fail_on_error)
-        put(*range(1, 60))
-        put(59.5, parent='a')
-        if stamps == [200]:
-            put(60, 61, parent='b')  # so that a list of parents expires, too
-        return (lambda: put(*stamps, parent=parent)) if by == 'message' else (
-            lambda: [buffer.insert(int(second * S), parent, 'c', (second, *STILL[1:]))
-                     for second in stamps])
-
-    for places, _ in enumerate(interruptions(prepare, *FILES, step=3)):  # noqa: B007
-        put(300, 301)
-        known = buffer.dump()['c']
-        assert xs(buffer, 'c') == {stamp: stamp / S for stamp in known['stamps']}
-        assert known['stamps'] == sorted(known['stamps'])
-        assert known['stamps'][-2:] == [300 * S, 301 * S]
-        assert buffer.lookup_transform('a', 'c', 301 * S).translation[0] == 301.0
-    assert places > 3
+READER = MessageReader(fail_on_error)
 
 
-@pytest.mark.parametrize(('limits', 'interval', 'kept'), [
-    ((30_000, {}), 1000, range(20, 66)),  # the oldest samples expire
-    ((S, {'max_samples': 40}), 1000, range(20, 66)),  # or exceed `max_samples`,
-    ((S, {}), 0, (99, 100))])  # or are of one stamp
-def test_ctrl_c_leaves_each_sample_its_parent(limits, interval, kept):
-    """The frame has several parents, and loses old samples; or all, if it was being changed."""
-    buffer, number = TransformBuffer(), 45 if interval else 101
+def by_messages(buffer, rows):
+    """Insert transforms by one message for each, whose layout is known."""
+    insert(buffer, READER, *(cdr.pack([row]) for row in rows))
 
-    def put(begin, end):
-        for i in range(begin, end):
-            buffer.insert(T * S + i * interval, f'p{i % 3}', 'c', (float(i), *STILL[1:]))
+
+def by_calls(buffer, rows):
+    """Insert transforms one by one."""
+    for row in rows:
+        buffer.insert(*row)
+
+
+def rows_at(*seconds, parent='a'):
+    """Return transforms of one child."""
+    return [Row(int(second * S), parent, 'c', (second, *STILL[1:])) for second in seconds]
+
+
+def of_three(begin, end, interval):
+    """Return transforms of one child in turn in one of three parents."""
+    return [Row(T * S + i * interval, f'p{i % 3}', 'c', (float(i), *STILL[1:]))
+            for i in range(begin, end)]
+
+
+FIRST = [*rows_at(*range(1, 60)), *rows_at(59.5)]
+SEVERAL = [*FIRST, *rows_at(60, 61, parent='b')]
+OF_THREE, MORE = of_three(0, 45, 1000), of_three(45, 65, 1000)
+ANY, LATER = range(1000), (2 * 10**9, 2 * 10**9 + 1)
+
+
+@pytest.mark.parametrize(('limits', 'before', 'put', 'rows', 'kept', 'step'), [
+    *(({'cache_time': 50 * S}, before, put, rows_at(*seconds, parent=parent), ANY, 3)
+      for parent in 'ab' for before, put, seconds in (
+          (FIRST, by_calls, [60]), (FIRST, by_messages, [60, 61, 62]),
+          (FIRST, by_messages, [58.5]), (SEVERAL, by_messages, [200]),
+          (SEVERAL, by_calls, [200]))),
+    # The oldest samples expire, or exceed `max_samples`, or are of one stamp.
+    ({'cache_time': 30_000}, OF_THREE, by_calls, MORE, range(20, 66), 97),
+    ({'max_samples': 40}, OF_THREE, by_calls, MORE, range(20, 66), 97),
+    ({}, of_three(0, 101, 0), by_calls, of_three(101, 104, 0), (99, 100), 97)])
+def test_ctrl_c_leaves_each_sample_its_stamp_and_parent(limits, before, put, rows, kept, step):
+    """What is inserted may be lost; more can be inserted afterwards."""
+    buffer = TransformBuffer()
 
     def prepare():
         nonlocal buffer
-        buffer = TransformBuffer(limits[0], **limits[1])
-        put(0, number)
-        return lambda: put(number, number + (20 if interval else 3))
+        buffer = TransformBuffer(**limits)
+        by_messages(buffer, before)
+        return lambda: put(buffer, rows)
 
-    for places, _ in enumerate(interruptions(prepare, *FILES, step=97)):  # noqa: B007
+    for places, _ in enumerate(interruptions(prepare, *FILES, step=step)):  # noqa: B007
         known = buffer.dump()['c']
-        assert len(known['stamps']) == len(known['poses']) == len(known['parents'])
-        assert len(known['stamps']) in (0, *kept)  # 0: the frame was being changed
-        for stamp, pose, parent in zip(known['stamps'], known['poses'], known['parents']):
-            assert stamp == T * S + int(pose[0]) * interval
-            assert parent == f'p{int(pose[0]) % 3}'
-            if interval:
-                assert buffer.lookup_transform(parent, 'c', stamp).translation[0] == pose[0]
+        samples = [*zip(known['stamps'], known['parents'], known['poses'], strict=True)]
+        assert {(stamp, parent, pose[0]) for stamp, parent, pose in samples} <= {
+            (row.stamp_ns, row.frame_id, row.pose[0]) for row in (*before, *rows)}
+        assert known['stamps'] == sorted(known['stamps'])
+        assert len(samples) in (0, *kept)  # 0: the frame was being changed
+        later = rows_at(*LATER)
+        by_messages(buffer, later)
+        assert buffer.dump()['c']['stamps'][-2:] == [row.stamp_ns for row in later]
+        assert buffer.lookup_transform('a', 'c', later[1].stamp_ns).translation[0] == LATER[1]
     assert places > 5
 
 

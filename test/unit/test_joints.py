@@ -14,7 +14,7 @@ pytest.importorskip('urdf_parser_py')
 from viewer import Viewer
 
 from puretf_tools.robot.description import parse
-from puretf_tools.view.joint_control import JointControl, JointControls
+from puretf_tools.robot.joint_senders import JointControl, JointControls
 from puretf_tools.view.joints import Joints
 from puretf_tools.view.server import serve
 

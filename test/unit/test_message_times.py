@@ -9,7 +9,7 @@ import pytest
 from recorded import header_of, judged, MS, observed, S, T, tf
 
 from puretf import TransformBuffer
-from puretf._wire import headers
+from puretf.bag import Headers
 from puretf_tools.doctor.message_times import CACHE, Verdict
 
 STATIC = tf(0, 0, 'map odom', 'base laser', is_static=True)
@@ -125,10 +125,9 @@ def test_the_cache_that_is_needed():
 
 
 @pytest.mark.parametrize('counts', [[100], [30, 70], [5, 95], [20, 20, 21, 500]])
-def test_a_sample_of_several_files(monkeypatch, counts):
+def test_a_sample_of_several_files(counts):
     """A bag may have several files; of all messages, each so-many-th is in the sample."""
-    monkeypatch.setattr(headers, '_MOST', 20)
-    sample = headers.Headers()
+    sample = Headers(most=20)
     number = 0
     for count in counts:
         sample.expect(count)
@@ -141,20 +140,18 @@ def test_a_sample_of_several_files(monkeypatch, counts):
     assert number / 40 <= sample.step <= number / 10
 
 
-def test_frames_without_times(monkeypatch):
+def test_frames_without_times():
     """A frame counts once, however many messages have it."""
-    monkeypatch.setattr(headers, '_MOST_BYTES', 100)
-    sample = headers.Headers()
+    sample = Headers(most_bytes=100)
     for _ in range(100):
         sample.add_frame(header_of(T, 'laser'))
     sample.add_frame(header_of(T, 'camera'))
     assert [*sample.frames] == ['laser', 'camera']
 
 
-def test_an_unknown_number_of_messages(monkeypatch):
+def test_an_unknown_number_of_messages():
     """If the number of messages is not known, the sample becomes thinner while it grows."""
-    monkeypatch.setattr(headers, '_MOST', 20)
-    sample = headers.Headers()
+    sample = Headers(most=20)
     for number in range(1000):
         if sample.wants_next():
             sample.add(number, header_of(number, 'laser'))
@@ -162,13 +159,12 @@ def test_an_unknown_number_of_messages(monkeypatch):
     assert sample.step == 64
 
 
-def test_a_sample_has_the_queue_of_all_messages(monkeypatch):
+def test_a_sample_has_the_queue_of_all_messages():
     """Within the step of the sample; and the same shares."""
     transforms = [tf(i, i, 'odom base') for i in range(0, 20_000, 500)]
     messages = [(i, i - 250) for i in range(500, 19_500, 5)]
     whole = judged(transforms, messages)
-    monkeypatch.setattr(headers, '_MOST', 1000)
-    sampled = judged(transforms, messages)
+    sampled = judged(transforms, messages, most=1000)
     assert (whole.step, sampled.step) == (1, 4)
     assert abs(whole.queue() - sampled.queue()) <= 4
     assert sampled.row()['waiting'] == pytest.approx(whole.row()['waiting'], abs=0.02)

@@ -130,29 +130,28 @@ def test_each_finding_jumps_to_its_time(controls):
     viewer.until(lambda: viewer.value('Pause'))
 
 
-def test_findings_about_a_robot(tmp_path):
-    """Those of `tf_doctor`, from the descriptions in the bag."""
+@pytest.fixture
+def lonely(tmp_path):
+    """A bag with descriptions of a robot in two namespaces."""
     bags = pytest.importorskip('bags')
     pytest.importorskip('urdf_parser_py')
-    text = '<robot name="r"><link name="lonely"/></robot>'
-    path = bags.make(tmp_path, 'mcap', [
-        *bags.walk(), ('/robot_description', 100 * S, bags.string(text), bags.STRING)])
+    text = bags.string('<robot name="r"><link name="lonely"/></robot>')
+    return [str(bags.make(tmp_path, 'mcap', [*bags.walk(), *(
+        (f'{each}/robot_description', 100 * S, text, bags.STRING) for each in ('', '/left'))]))]
+
+
+def test_findings_about_a_robot(lonely):
+    """Those of `tf_doctor`, from the descriptions in the bag."""
     findings: list[tuple[str, int]] = []
-    web_view.find_faults(findings, [str(path)], '', False)
+    web_view.find_faults(findings, lonely, '', False)
     assert any('link_without_transform: lonely' in line for line, _ in findings)
 
 
 @pytest.mark.parametrize(('namespace', 'expected'), [('left', {'/left'}), ('', {'', '/left'})])
-def test_robots_of_a_namespace(tmp_path, namespace, expected):
+def test_robots_of_a_namespace(lonely, namespace, expected):
     """The page of a bag, like the live one, has the bodies of its namespace only."""
-    bags = pytest.importorskip('bags')
-    pytest.importorskip('urdf_parser_py')
-    text = '<robot name="r"><link name="lonely"/></robot>'
-    path = bags.make(tmp_path, 'mcap', [
-        *bags.walk(), *((f'{each}/robot_description', 100 * S, bags.string(text), bags.STRING)
-                        for each in ('', '/left'))])
     feed = BagFeed(TransformBuffer(), 'bag')
-    web_view.read_descriptions(feed, [str(path)], namespace, False)
+    web_view.read_descriptions(feed, lonely, namespace, False)
     assert {topic.removesuffix('/robot_description') for topic in feed.robots} == expected
 
 
@@ -183,7 +182,7 @@ def test_a_recording(buffer):
     """It has the frames at each moment, and no controls."""
     recording = Recording(BagFeed(buffer, 'bag'))
     recording.add(5.0, T - 1)  # there is no frame yet
-    assert not recording.has_frames
+    assert not recording.moments
     for i in range(11):
         recording.add(5.0 + i / 2, T + i * S // 2)
     assert recording.duration == 5.0
@@ -228,18 +227,6 @@ def test_a_bag_without_frames_to_show(failed, tmp_path):
     assert code == 1
     assert error.startswith(f'web_view: cannot write {path}: there are no frames.')
     assert not path.exists()
-
-
-def test_the_options_of_an_export(failed, tmp_path):
-    """They are checked before the bag is read."""
-    for arguments, text in (
-            (['--export', 'a.pdf'], "'a.pdf' must end in .html"),
-            (['--time', '3'], '--time needs --export'),
-            (['--export', 'a.html', '--time', '0'], 'the time to listen must be more than 0 s'),
-            (['--export', str(tmp_path / 'none' / 'a.html')], 'is not a writable directory')):
-        code, error = failed(main, *arguments)
-        assert code == (1 if 'writable' in text else 2)
-        assert text in error
 
 
 def test_an_export_of_a_robot(capsys, tmp_path):

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from puretf import bag, Transform, TransformBuffer
+from puretf import bag
 
 bags = pytest.importorskip('bags')
 S = 10**9
@@ -50,26 +50,3 @@ def test_a_message_that_ends_too_early_is_malformed(tmp_path):
     (rows,) = rows_in(tmp_path / 'other.bag', b'\5\0\0\0abcd')
     with pytest.raises(ValueError, match='impossible count: 8 bytes cannot hold the 5 '):
         rows()
-
-
-def test_many_messages_are_inserted_like_single_transforms(tmp_path):
-    """This holds also after the edges have changed."""
-    random_ = random.Random(2)
-    names = [('map', 'odom'), ('odom', 'base'), ('base', 'ünï')]
-
-    def message(number, edges=names):
-        return [bags.row(10**9 * S + number * S // 100, *edge,
-                         (number, random_.random(), 0.0, 0.0, 0.0, 0.6, 0.8)) for edge in edges]
-
-    contents = [message(i) for i in range(50)]
-    contents += [message(50, names[:2]), message(51), message(52, [('odom', 'map'), *names[1:]])]
-    at_once = bag.read(bags.make(tmp_path, 'bag', [('/tf', S, rows) for rows in contents]))
-    singly = TransformBuffer(100 * S)
-    for rows in contents:
-        for stamp, parent, child, pose in rows:
-            singly.set_transform(Transform(stamp, parent, child, pose[:3], pose[3:]), '/sender')
-    assert at_once.frames() == singly.frames()
-    for parent, child in names:
-        stamp = 10**9 * S + 123_456_789
-        assert (at_once.lookup_transform(parent, child, stamp)
-                == singly.lookup_transform(parent, child, stamp))

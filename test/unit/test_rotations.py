@@ -341,15 +341,6 @@ def test_slerp_at_its_ends(begin, end):
     assert quaternion_slerp(begin, np.multiply(4.0, end), 1.0) == pytest.approx(end, abs=1e-15)
 
 
-def test_slerp_in_the_middle():
-    """Half of a quarter turn is an eighth turn."""
-    quarter = (0.0, 0.0, HALF, HALF)
-    eighth = about(math.pi / 4, (0, 0, 1))
-    assert quaternion_slerp(UNIT, quarter, 0.5) == pytest.approx(eighth, abs=1e-15)
-    assert quaternion_slerp(UNIT, np.multiply(-3, quarter), 0.5) == pytest.approx(
-        eighth, abs=1e-15)
-
-
 @given(units, axes_of_turns, st.floats(1e-3, math.pi - 1e-3), st.floats(-0.5, 1.5),
        st.integers(-2, 2))
 def test_slerp_without_shortestpath(begin, axis, half, fraction, spin):

@@ -128,14 +128,9 @@ def test_a_refused_request_is_answered_by_403():
             assert status(b'Host: ' + own, upgrade=upgrade) == accepted
             assert status(b'host: ' + own, b'ORIGIN: http://' + own, upgrade=upgrade) == accepted
             for headers in (
-                    (), (b'Host: 127.0.0.1.evil.example',), (b'Host: ' + own, b'Host: ' + own),
-                    (b'Host: [::1',), (b'Host: localhost:x',), (b'Host: \xff\xfe',),
-                    (b'Host: ' + own, b'Origin: http://evil.example'),
-                    (b'Host: ' + own, b'Origin: https://' + own),
-                    (b'Host: ' + own, b'Origin: http://[::1'),
-                    (b'Host: ' + own, b'Origin: http://127.0.0.1:99999'),
-                    (b'Host: ' + own, b'Origin: \xff'),
-                    (b'Host: ' + own, *[b'Origin: http://' + own] * 2)):
+                    (), (b'Host: 127.0.0.1.evil.example',), (b'Host: [::1',), (b'Host: \xff\xfe',),
+                    (b'Host: ' + own, b'Host: ' + own), (b'Host: ' + own, b'Origin: \xff'),
+                    (b'Host: ' + own, b'Origin: http://evil.example')):
                 assert status(*headers, upgrade=upgrade) == b'403', headers
 
 

@@ -4,6 +4,7 @@ import json
 import math
 
 from environment import DATA
+from model import compare_many_with_single
 import numpy as np
 import pytest
 
@@ -65,14 +66,4 @@ def test_many_at_once_are_the_same_answers(case):
     lookups = [query for query in case['queries'] if query['kind'] == 'lookup']
     times = [query['time_ns'] for query in lookups]
     for target, source in {(query['target'], query['source']) for query in lookups}:
-        translations, rotations, known = buffer.lookup_transforms(target, source, times)
-        for i, time in enumerate(times):
-            try:
-                one = buffer.lookup_transform(target, source, time)
-            except exceptions.TransformException:
-                assert not known[i]
-                assert np.isnan([*translations[i], *rotations[i]]).all()
-            else:
-                assert known[i]
-                assert translations[i] == pytest.approx(one.translation, abs=1e-12, nan_ok=True)
-                assert rotations[i] == pytest.approx(one.rotation, abs=1e-12)
+        compare_many_with_single(buffer, target, source, times)

@@ -77,32 +77,6 @@ def test_the_precision():
         '- Translation: [1000, -1, 0]', '- Rotation: in Quaternion [0, 0, 0, 1]']
 
 
-@pytest.mark.parametrize(('arguments', 'why'), [
-    (('map',), 'the following arguments are required: target_frame'),
-    (('map', '/'), 'a frame must have a name'),
-    (('', 'odom'), 'a frame must have a name'),
-    (('map', 'odom', 'fast'), "'fast' is not a number"),
-    (('map', 'odom', '0'), 'the rate must be more than 0 Hz, got 0'),
-    (('map', 'odom', '-r', '-1e-3'), 'the rate must be more than 0 Hz, got -0.001'),
-    (('map', 'odom', '1', '-r', '1'), 'the rate is given twice'),
-    (('map', 'odom', '-p', '18'), 'the precision must be from 0 to 17 digits, got 18'),
-    (('map', 'odom', '-p', '-1'), 'the precision must be from 0 to 17 digits, got -1'),
-    (('map', 'odom', '-p', '0.5'), "'0.5' is not a whole number"),
-    (('map', 'odom', '-t', '-1'), "'-1' must be a time in s"),
-    (('map', 'odom', '-t', '1e99'), "'1e99' must be a time in s"),
-    (('map', 'odom', '-t', '1.' + 30 * '0' + '1'), 'with at most 9 digits after the point'),
-    (('map', 'odom', '-t', '1.0000000001'), 'with at most 9 digits after the point'),
-    (('map', 'odom', '--bag', 'x', '-r', '1'), 'leave out the rate'),
-    (('map', 'odom', '--partial'), '--partial needs --bag')])
-def test_wrong_use(failed, arguments, why):
-    """The exit code is 2, and the error is one line."""
-    code, error = failed(main, *arguments)
-    assert code == 2
-    assert why in error
-    assert error.startswith('tf2_echo: ')
-    assert error.count('\n') == 1
-
-
 @pytest.fixture
 def bag(tmp_path):
     """A bag of a robot that moves."""

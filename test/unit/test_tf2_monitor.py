@@ -3,10 +3,8 @@
 from types import SimpleNamespace
 from typing import Any, Optional
 
-import pytest
-
 from puretf.exceptions import LookupException
-from puretf_tools.commands.tf2_monitor import Chain, format_traffic, main
+from puretf_tools.commands.tf2_monitor import Chain, format_traffic
 from puretf_tools.inspection.traffic import NodeTraffic, Summary
 
 S = 10**9
@@ -102,10 +100,3 @@ def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
     assert lines[3] == f'  base      static{"":30}  /arm'
     assert lines[5] == f'  {short}     static{"":30}  /{"x" * 48}...{"x" * 48}'
     assert len(lines[4]) == 2 + len('...') + 97 * len('\\x1b') + 41 + len('  /arm')
-
-
-@pytest.mark.parametrize('arguments', [('map',), ('map', ''), ('/', 'odom')])
-def test_wrong_use(failed, arguments):
-    """The exit code is 2, and the error is one line."""
-    assert failed(main, *arguments) == (
-        2, 'tf2_monitor: give two frames, or none to monitor all frames\n')

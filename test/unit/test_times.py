@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from puretf._core.times import display_time, nanoseconds, nanoseconds_or_int
+from puretf import display_time
+from puretf._core.times import nanoseconds, nanoseconds_or_int
 
 
 @pytest.mark.parametrize('time', [

@@ -3,6 +3,8 @@
 import math
 from types import SimpleNamespace
 
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
@@ -10,7 +12,6 @@ from puretf import Transform
 
 HALF = math.sqrt(0.5)
 A_FROM_B = Transform(3, 'a', 'b', (1.0, 0.0, 0.0), (0.0, 0.0, HALF, HALF))  # a quarter about z
-B_FROM_C = Transform(5, 'b', 'c', (2.0, 0.0, 0.0))
 
 
 def test_its_matrix():
@@ -40,20 +41,63 @@ def test_takes_points_from_the_child_frame():
         A_FROM_B.apply([1, 2])
 
 
-def test_composes_where_the_frames_between_are_the_same():
-    """a_from_b @ b_from_c is a_from_c, with the stamp of the left operand."""
-    a_from_c = A_FROM_B @ B_FROM_C
-    assert a_from_c[:3] == (3, 'a', 'c')
-    assert a_from_c.translation == pytest.approx((1, 2, 0))
-    assert a_from_c.rotation == pytest.approx(A_FROM_B.rotation)
+def test_only_transforms_that_meet_in_a_frame_are_composed():
+    """The error names all four frames."""
     with pytest.raises(ValueError, match="'b' from 'c' with 'a' from 'b': 'c' and 'a' must"):
-        _ = B_FROM_C @ A_FROM_B
+        _ = Transform(5, 'b', 'c') @ A_FROM_B
     with pytest.raises(TypeError):
         _ = A_FROM_B @ (1, 2)  # type: ignore[operator]
 
 
-def test_its_inverse():
-    """The inverse swaps the frames, and its product with the transform is the identity."""
-    b_from_a = A_FROM_B.inverse()
-    assert b_from_a[:3] == (3, 'b', 'a')
-    assert (A_FROM_B @ b_from_a).matrix() == pytest.approx(np.eye(4))
+vectors = st.tuples(*[st.floats(-10.0, 10.0)] * 3)
+rotations = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(
+    lambda q: np.linalg.norm(q) > 0.1).map(
+    lambda q: tuple((np.array(q) / np.linalg.norm(q)).tolist()))
+
+
+def transforms(parent, child):
+    """Return a strategy for transforms between two frames."""
+    return st.builds(Transform, st.integers(0, 2**62), st.just(parent), st.just(child), vectors,
+                     rotations)
+
+
+def assert_near(found, expected):
+    """Assert that two transforms are equal up to rounding; stamps and frames exactly."""
+    assert found[:3] == expected[:3]
+    np.testing.assert_allclose(found.matrix(), expected.matrix(), rtol=0, atol=1e-9)
+
+
+@given(transforms('a', 'b'), transforms('b', 'c'), transforms('c', 'd'))
+def test_composition_is_associative(a_from_b, b_from_c, c_from_d):
+    """The result is a_from_d, with the stamp of the leftmost transform."""
+    a_from_d = a_from_b @ (b_from_c @ c_from_d)
+    assert a_from_d[:3] == (a_from_b.stamp, 'a', 'd')
+    assert_near(a_from_d, (a_from_b @ b_from_c) @ c_from_d)
+
+
+@given(transforms('a', 'b'))
+def test_the_default_is_the_identity(a_from_b):
+    """It changes nothing on either side."""
+    assert_near(Transform(a_from_b.stamp, 'a', 'a') @ a_from_b, a_from_b)
+    assert_near(a_from_b @ Transform(0, 'b', 'b'), a_from_b)
+
+
+@given(transforms('a', 'b'))
+def test_the_inverse_takes_back(a_from_b):
+    """Its products with the transform are the identities of the two frames."""
+    assert_near(a_from_b @ a_from_b.inverse(), Transform(a_from_b.stamp, 'a', 'a'))
+    assert_near(a_from_b.inverse() @ a_from_b, Transform(a_from_b.stamp, 'b', 'b'))
+
+
+@given(transforms('a', 'b'), transforms('b', 'c'), vectors)
+def test_a_composition_acts_as_its_parts_in_turn(a_from_b, b_from_c, point):
+    """The right one is applied first."""
+    np.testing.assert_allclose((a_from_b @ b_from_c).apply(point),
+                               a_from_b.apply(b_from_c.apply(point)), rtol=0, atol=1e-9)
+
+
+@given(transforms('a', 'b'), transforms('b', 'c'))
+def test_the_matrix_of_a_composition_is_the_product(a_from_b, b_from_c):
+    """The order of the factors is that of the transforms."""
+    np.testing.assert_allclose((a_from_b @ b_from_c).matrix(),
+                               a_from_b.matrix() @ b_from_c.matrix(), rtol=0, atol=1e-9)

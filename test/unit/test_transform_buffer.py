@@ -2,7 +2,6 @@
 
 from contextlib import suppress
 import gc
-from itertools import pairwise
 import json
 import logging
 import math
@@ -10,7 +9,6 @@ import pickle
 import signal
 import sys
 import threading
-import tracemalloc
 from typing import Any
 import weakref
 
@@ -30,7 +28,6 @@ from puretf import (
     TransformBuffer,
     TransformException,
 )
-from puretf._core.engine import engine_of
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -56,17 +53,6 @@ def test_the_pose_of_the_source_in_the_target():
     assert answer.apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 2.0, 3.0])
 
 
-def test_interpolates_on_a_line_and_about_an_axis():
-    """After a quarter of the time, a quarter of the translation and of the rotation is done."""
-    buffer = TransformBuffer()
-    put(buffer, 'a', 'b')
-    half = math.radians(45)
-    buffer.insert(T + 4 * S, 'a', 'b', (8.0, 0.0, 0.0, 0.0, 0.0, math.sin(half), math.cos(half)))
-    answer = buffer.lookup_transform('a', 'b', T + S)
-    assert answer.translation == pytest.approx((2.0, 0.0, 0.0))
-    assert answer.rotation == pytest.approx((0.0, 0.0, math.sin(half / 4), math.cos(half / 4)))
-
-
 def test_time_0_is_the_latest_common_time():
     """Neither static edges nor dynamic edges with stamp 0 limit the latest common time."""
     buffer = TransformBuffer()
@@ -85,17 +71,6 @@ def test_time_0_is_the_latest_common_time():
     assert x_at(buffer, 'c', 'd') == 1.0  # the only stamp is 0
 
 
-def test_through_a_fixed_frame():
-    """The source is located at its own time, and the target at its own."""
-    buffer = TransformBuffer()
-    for second in range(3):
-        put(buffer, 'map', 'robot', T + second * S, float(second))
-        put(buffer, 'map', 'ball', T + second * S, 10.0 * second)
-    answer = buffer.lookup_transform_full('robot', T + 2 * S, 'ball', T + S, 'map')
-    assert (answer.stamp, answer.translation[0]) == (T + 2 * S, 10.0 - 2.0)
-    assert (answer.frame_id, answer.child_frame_id) == ('robot', 'ball')
-
-
 def test_a_frame_in_itself_needs_not_be_known():
     """The stamp is the requested time; for time 0, it is the latest stamp of the frame."""
     buffer = TransformBuffer()
@@ -105,29 +80,6 @@ def test_a_frame_in_itself_needs_not_be_known():
     assert buffer.can_transform('', '')
     with pytest.raises(LookupException):
         buffer.lookup_transform_full('x', T, 'x', T, 'x')
-
-
-def test_data_out_of_order_are_sorted_in():
-    """The lookups are the same as after insertions in the order of the stamps."""
-    buffer = TransformBuffer()
-    for second in (5, 1, 3, 0, 4, 2):
-        assert put(buffer, 'a', 'b', T + second * S, float(second * second))
-    for second, following in pairwise(range(6)):
-        assert x_at(buffer, 'a', 'b', T + second * S) == second * second
-        middle = (second * second + following * following) / 2
-        assert x_at(buffer, 'a', 'b', T + second * S + S // 2) == pytest.approx(middle)
-
-
-def test_of_the_same_stamp_the_last_inserted_wins():
-    """At the oldest stamp the first one wins, if there are newer samples, as in tf2."""
-    buffer = TransformBuffer()
-    for x in (1.0, 2.0, 2.0, 1.0):
-        assert put(buffer, 'a', 'b', T, x)
-    assert buffer.frames()[0].length == 2  # a sample that is inserted twice counts once
-    assert x_at(buffer, 'a', 'b', T) == 2.0
-    put(buffer, 'a', 'b', T + S, 4.0)
-    assert x_at(buffer, 'a', 'b', T) == 1.0
-    assert x_at(buffer, 'a', 'b', T + S // 2) == 3.0
 
 
 def test_expires_after_the_cache_time():
@@ -144,7 +96,7 @@ def test_expires_after_the_cache_time():
 
 
 def test_a_long_stream_is_that_of_the_model():
-    """Hundreds of samples expire; some are late, some have another parent."""
+    """Hundreds of samples expire; some are late, some have another parent, all come twice."""
     buffer, model, random = TransformBuffer(S), Model(S), np.random.default_rng(1)
     for i in range(3000):
         stamp = T + i * S // 100
@@ -152,8 +104,9 @@ def test_a_long_stream_is_that_of_the_model():
             stamp -= int(random.integers(0, 90)) * S // 100
         parent = 'p1' if i % 1000 < 900 else 'p2'
         pose = (*random.normal(size=3).tolist(), *random.normal(size=4).tolist())
-        assert buffer.insert(stamp, parent, 'c', pose) == model.insert(
-            stamp, parent, 'c', pose[:3], pose[3:], False)
+        for _ in range(2):
+            assert buffer.insert(stamp, parent, 'c', pose) == model.insert(
+                stamp, parent, 'c', pose[:3], pose[3:], False)
         if i % 50 == 49:
             assert buffer.frames()[0].length == len(model.samples['c'])
             for time in model.samples['c'][-1][0] - 1, stamp - S // 3, stamp - S // 200, 0:
@@ -167,35 +120,6 @@ def test_a_long_stream_is_that_of_the_model():
                     assert answer.matrix() == pytest.approx(expected[1], abs=1e-9)
 
 
-def test_a_history_keeps_little_more_than_the_cache_time():
-    """The memory of expired samples is freed."""
-    buffer = TransformBuffer(S)
-    for i in range(10_000):
-        put(buffer, 'a', 'b', T + i * S // 100)
-    (known,) = buffer.frames()
-    assert known.length == 102  # tf2 removes expired samples before it inserts
-    tracemalloc.start()
-    try:
-        for i in range(10_000, 20_000):
-            put(buffer, 'a', 'b', T + i * S // 100)
-        assert tracemalloc.get_traced_memory()[0] < 130 * (56 + 8)
-    finally:
-        tracemalloc.stop()
-
-
-def test_a_frame_that_changes_its_parent():
-    """Between two samples with different parents, the older one holds."""
-    buffer = TransformBuffer()
-    put(buffer, 'a', 'c', T, 1.0)
-    put(buffer, 'b', 'c', T + S, 2.0)
-    assert x_at(buffer, 'a', 'c', T + S // 2) == 1.0
-    assert x_at(buffer, 'b', 'c') == 2.0
-    with pytest.raises(ConnectivityException):
-        buffer.lookup_transform('a', 'c')
-    with pytest.raises(ConnectivityException):
-        buffer.lookup_transform('b', 'c', T + S // 2)
-
-
 def test_frames_that_change_places():
     """Two frames swap their roles as parent and child; lookups of many times see both states."""
     buffer = TransformBuffer()
@@ -207,18 +131,6 @@ def test_frames_that_change_places():
     translations, _, known = buffer.lookup_transforms('a', 'b', [T + S, T, T + S])
     assert known.all()
     assert translations[:, 0].tolist() == [2.0, 1.0, 2.0]
-
-
-def test_static_and_moving_replace_each_other():
-    """The kind that was inserted last counts, and the samples of the other kind are removed."""
-    buffer = TransformBuffer()
-    put(buffer, 'a', 'b', T, 1.0)
-    put(buffer, 'a', 'b', T, 2.0, is_static=True)
-    assert x_at(buffer, 'a', 'b', 1) == 2.0
-    put(buffer, 'a', 'b', T, 3.0)
-    assert x_at(buffer, 'a', 'b', T) == 3.0
-    with pytest.raises(ExtrapolationException):
-        buffer.lookup_transform('a', 'b', 1)
 
 
 def test_what_is_static_may_be_set_anew():
@@ -270,9 +182,11 @@ def test_clear_forgets_what_moves():
     assert x_at(buffer, 'a', 'c', T) == 0.0
     buffer.clear()
     assert buffer.can_transform('b', 'c', T)
-    with pytest.raises(ExtrapolationException,
-                       match=r"^, when looking up .*'b' .* since .* cleared"):
-        buffer.lookup_transform('a', 'b', T)
+    text = error_text(buffer, 'a', 'b', T)
+    assert text.startswith(', when looking up ')
+    assert text.endswith(
+        ". No transform of 'b' has been received since the buffer was cleared, or mended after "
+        'an interrupted insertion. More: tf_doctor --explain jump_back')
     with pytest.raises(ConnectivityException):
         buffer.lookup_transform('a', 'b')
     assert buffer.all_frames_as_string() == (
@@ -327,15 +241,6 @@ def test_warnings_are_logged_once_per_cause_and_frame(logs, monkeypatch):
     assert {record.levelno for record in logs} == {logging.WARNING}
 
 
-def test_a_leading_slash_is_removed_on_insertion_only():
-    """Insertions remove one slash; lookups refuse names with a slash, as in tf2."""
-    buffer = TransformBuffer()
-    put(buffer, '/map', '//tool')
-    assert buffer.can_transform('map', 'tool') is False
-    with pytest.raises(InvalidArgumentException, match="cannot start with a '/'"):
-        buffer.lookup_transform('map', '/tool')
-
-
 def test_bad_values_change_nothing():
     """A value of a wrong type, or a stamp out of range, leaves the buffer as it was."""
     buffer = TransformBuffer()
@@ -381,94 +286,58 @@ def test_an_unknown_frame_is_answered_with_the_nearest():
         f"not exist. Nearest known: 'imu'.{see}")
 
 
-def test_the_roots_of_an_earlier_time():
-    """They are those of the time of the lookup: later, the frame has moved to the other tree."""
-    buffer = TransformBuffer()
-    put(buffer, 'world', 'left', is_static=True)
-    put(buffer, 'map', 'right', is_static=True)
-    for second, parent in enumerate(['left', 'left', 'left', 'right', 'right']):
-        put(buffer, parent, 'tool', T + second * S)
-    with pytest.raises(ConnectivityException) as caught:
-        buffer.lookup_transform('right', 'tool', T + S)
-    assert "'right' is in the tree with root 'map', 'tool' in the tree with root 'world'." in str(
-        caught.value)
-
-
-def test_two_trees_are_answered_with_their_roots():
-    """The hint follows tf2's words."""
-    buffer = TransformBuffer()
-    put(buffer, 'map', 'odom')
-    put(buffer, 'odom', 'base')
-    put(buffer, 'world', 'ball')
-    assert error_text(buffer, 'base', 'ball').endswith(
-        "unconnected trees. 'base' is in the tree with root 'map', 'ball' in the tree with root "
-        "'world'. More: tf_doctor --explain two_trees")
-
-
-def test_extrapolation_is_answered_with_the_edge_and_how_far_off():
-    """The gap is exact to the nanosecond, also where tf2's six decimals show none."""
-    buffer = TransformBuffer()
-    for stamp in T, T + S:
-        put(buffer, 'map', 'odom', stamp)
-        put(buffer, 'odom', 'base', stamp + 1)
-    assert error_text(buffer, 'map', 'base', T).startswith(
-        'Lookup would require extrapolation into the past.  Requested time 1700000000.000000 but '
-        'the earliest data is at time 1700000000.000000, when looking up transform from frame '
+TWO_TREES = ("'{}' is in the tree with root 'map', '{}' in the tree with root 'world'. "
+             'More: tf_doctor --explain two_trees\n')
+#: By description: parent, child and stamps (s), or None: static; a lookup; a part of its error,
+#: with a line break where the error begins or ends.
+HINTS: dict[str, tuple[list[Any], tuple[Any, ...], str]] = {
+    'two trees': (
+        [('map', 'odom', [0]), ('odom', 'base', [0]), ('world', 'ball', [0])], ('base', 'ball'),
+        'unconnected trees. ' + TWO_TREES.format('base', 'ball')),
+    'the roots of an earlier time': (
+        [('world', 'left', None), ('map', 'right', None), ('left', 'tool', [0, 1, 2]),
+         ('right', 'tool', [3, 4])], ('right', 'tool', 1), TWO_TREES.format('right', 'tool')),
+    'two trees at a time without data': (
+        [('map', 'base', [0, 1]), ('world', 'ball', [0, 1])], ('base', 'ball', 2),
+        'to frame [base]. ' + TWO_TREES.format('base', 'ball')),
+    'before the first sample': (
+        [('map', 'odom', [0, 1]), ('odom', 'base', [1e-9, 1 + 1e-9])], ('map', 'base', 0),
+        '\nLookup would require extrapolation into the past.  Requested time 1700000000.000000 '
+        'but the earliest data is at time 1700000000.000000, when looking up transform from frame '
         "[base] to frame [map]. The data of edge 'odom' -> 'base' are from "
-        '1700000000.000000001 to 1700000001.000000001 and begin 0.000000001 s after that time. ')
-    assert (" The data of edge 'map' -> 'odom' are from 1700000000.000000000 to "
-            '1700000001.000000000 and end 2.000000000 s before that time. ') in error_text(
-        buffer, 'map', 'base', T + 3 * S)
-    put(buffer, 'map', 'late', T)
-    assert (" The data of edge 'map' -> 'late' are all at 1700000000.000000000 and end "
-            '0.000000001 s before that time. ') in error_text(buffer, 'map', 'late', T + 1)
+        '1700000000.000000001 to 1700000001.000000001 and begin 0.000000001 s after that time. '),
+    'after the last sample': (
+        [('map', 'odom', [0, 1]), ('odom', 'base', [1e-9, 1 + 1e-9])], ('map', 'base', 3),
+        " The data of edge 'map' -> 'odom' are from 1700000000.000000000 to "
+        '1700000001.000000000 and end 2.000000000 s before that time. '),
+    'after the only sample': (
+        [('map', 'late', [0])], ('map', 'late', 1e-9),
+        " The data of edge 'map' -> 'late' are all at 1700000000.000000000 and end 0.000000001 s "
+        'before that time. '),
+    'an edge beside the path ends earlier': (
+        [('map', 'odom', [0, 5]), ('odom', 'base', [0, 14.5])], ('odom', 'base', 15),
+        '\nLookup would require extrapolation into the future.  Requested time 1700000015.000000 '
+        'but the latest data is at time 1700000005.000000, when looking up transform from frame '
+        "[base] to frame [odom]. The data of edge 'odom' -> 'base' are from 1700000000.000000000 "
+        'to 1700000014.500000000 and end 0.500000000 s before that time. '),
+    'the path was another one': (
+        [('map', 'b', [2, 6]), ('old', 'tool', [0, 1]), ('b', 'tool', [5, 6]),
+         ('map', 'old', [3, 6])], ('map', 'tool', 2),
+        " The data of edge 'map' -> 'old' are from 1700000003.000000000 to "
+        '1700000006.000000000 and begin 1.000000000 s after that time. '),
+}
 
 
-def test_extrapolation_names_no_edge_beside_the_path():
-    """tf2's own words refer to such an edge, since it follows the ancestors of both frames."""
+@pytest.mark.parametrize('description', HINTS)
+def test_the_hint_of_an_error(description):
+    """It names roots, or the edge of the path and its gap, exact to the nanosecond."""
+    edges, (target, source, *seconds), text = HINTS[description]
     buffer = TransformBuffer(100 * S)
-    for seconds, parent, child in (
-            (90, 'map', 'odom'), (95, 'map', 'odom'),
-            (90, 'odom', 'base_link'), (104.9, 'odom', 'base_link')):
-        put(buffer, parent, child, int(seconds * S))
-    assert error_text(buffer, 'odom', 'base_link', 105 * S).startswith(
-        'Lookup would require extrapolation into the future.  Requested time 105.000000 but the '
-        'latest data is at time 95.000000, when looking up transform from frame [base_link] to '
-        "frame [odom]. The data of edge 'odom' -> 'base_link' are from 90.000000000 to "
-        '104.900000000 and end 0.100000000 s before that time. ')
-
-
-def test_extrapolation_between_two_trees_is_answered_with_their_roots():
-    """tf2's words report the time, but no edge could connect the two trees at any time."""
-    buffer = TransformBuffer()
-    for stamp in T, T + S:
-        put(buffer, 'map', 'base', stamp)
-        put(buffer, 'world', 'ball', stamp)
-    assert error_text(buffer, 'base', 'ball', T + 2 * S).endswith(
-        "to frame [base]. 'base' is in the tree with root 'map', 'ball' in the tree with root "
-        "'world'. More: tf_doctor --explain two_trees")
-
-
-def test_extrapolation_of_frames_that_had_other_parents_names_where_it_stopped():
-    """At the requested time the path was another one; all edges of the newest path have data."""
-    buffer = TransformBuffer(100 * S)
-    for seconds, parent, child in ((2, 'map', 'b'), (6, 'map', 'b'), (0, 'old', 'tool'),
-                                   (1, 'old', 'tool'), (5, 'b', 'tool'), (6, 'b', 'tool'),
-                                   (3, 'map', 'old'), (6, 'map', 'old')):
-        put(buffer, parent, child, T + seconds * S)
-    assert (" The data of edge 'map' -> 'old' are from 1700000003.000000000 to "
-            '1700000006.000000000 and begin 1.000000000 s after that time. ') in error_text(
-        buffer, 'map', 'tool', T + 2 * S)
-
-
-def test_extrapolation_after_a_clear_names_what_is_not_known():
-    """A cleared frame has no parent, so the hint names the frame instead of an edge."""
-    buffer = TransformBuffer()
-    put(buffer, 'map', 'base')
-    buffer.clear()
-    assert error_text(buffer, 'map', 'base', T).endswith(
-        ". No transform of 'base' has been received since the buffer was cleared, or mended after "
-        'an interrupted insertion. More: tf_doctor --explain jump_back')
+    for parent, child, stamps in edges:
+        for stamp in stamps or [0]:
+            put(buffer, parent, child, T + round(stamp * S), is_static=stamps is None)
+    error = error_text(buffer, target, source, *(T + round(at * S) for at in seconds))
+    assert text in f'\n{error}\n'
 
 
 def test_a_loop_is_named():
@@ -552,27 +421,43 @@ def test_numbers_come_out_as_floats():
     assert np.linalg.norm(answer.rotation) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_an_error_can_be_sent_to_another_process():
-    """The pickled error has the complete text, although the text is made when it is first read."""
+def unread_error():
+    """Return a buffer, and the error of a lookup in it, whose text is made when it is read."""
     buffer = TransformBuffer()
     put(buffer, 'map', 'tool')
     with pytest.raises(LookupException) as error:
         buffer.lookup_transform('map', 'tol')
-    sent = pickle.loads(pickle.dumps(error.value))
-    assert (type(sent), str(sent)) == (LookupException, str(error.value))
-    assert "does not exist. Nearest known: 'tool'. More: " in str(sent)
+    return buffer, error.value.with_traceback(None)
+
+
+HINT = "does not exist. Nearest known: 'tool'. More: "
+
+
+def test_an_error_can_be_sent_to_another_process():
+    """The pickled error has the complete text."""
+    _, error = unread_error()
+    sent = pickle.loads(pickle.dumps(error))
+    assert (type(sent), str(sent)) == (LookupException, str(error))
+    assert HINT in str(sent)
+
+
+def test_an_error_that_nobody_has_read_keeps_names_only():
+    """It does not refer to the buffer, so its text is made without a lock while others insert."""
+    buffer, error = unread_error()
+    gone = weakref.ref(buffer)
+    del buffer
+    gc.collect()
+    assert gone() is None
+    assert HINT in str(error)
 
 
 def test_errors_are_exceptions_like_others():
     """Users can raise and subclass them; str, repr and args contain the hint."""
-    buffer = TransformBuffer()
-    put(buffer, 'map', 'tool')
-    with pytest.raises(LookupException) as error:
-        buffer.lookup_transform('map', 'tol')
+    buffer, error = unread_error()
     put(buffer, 'map', 'tol')
-    assert 'Nearest known: ' in repr(error.value)
-    assert "does not exist. Nearest known: 'tool'. More: " in str(error.value)
-    assert error.value.args[0] == str(error.value)
+    assert 'Nearest known: ' in repr(error)
+    assert HINT in str(error)
+    assert error.args[0] == str(error)
     assert str(LookupException('no path from', 'a')) == "('no path from', 'a')"
     assert repr(TransformException()) == 'TransformException()'
     assert pickle.loads(pickle.dumps(TransformException('a', 5))).args == ('a', 5)
@@ -653,20 +538,28 @@ def test_waits_for_data_from_another_thread():
     assert not buffer.can_transform_full('a', T, 'b', T + 1, 'a', timeout=S // 100)
 
 
-@pytest.mark.parametrize('lookup', [
-    ('lookup_transform', 'map', 'nobody', 0),
-    ('lookup_transform_full', 'map', T, 'nobody', T, 'map')], ids=lambda lookup: lookup[0])
-def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
-    """Another thread can look up after it, even while the exception is kept."""
+def in_a_block(buffer):
+    """Use a buffer in a block with its lock."""
+    with buffer.updated():
+        buffer.frames()
+
+
+@pytest.mark.parametrize(('use', 'least'), [
+    (lambda buffer: buffer.lookup_transform('map', 'nobody', 0, S // 1000), 20),
+    (lambda buffer: buffer.lookup_transform_full('map', T, 'nobody', T, 'map', S // 1000), 20),
+    (in_a_block, 5)], ids=['lookup', 'full lookup', 'block'])
+def test_ctrl_c_leaves_the_buffer_free(use, least):
+    """Another thread can look up, wherever it was raised, even while the exception is kept."""
     buffer, places = TransformBuffer(), 0
     put(buffer, 'map', 'tool')
 
-    def wait():
+    def work():
         with suppress(LookupException):
-            getattr(buffer, lookup[0])(*lookup[1:], S // 1000)
+            use(buffer)
 
-    for interrupt in interruptions(lambda: wait, 'engine.py', 'transform_buffer.py',
-                                   'lookup.py', 'tree.py', 'contextlib.py'):
+    for interrupt in interruptions(
+            lambda: work, 'engine.py', 'transform_buffer.py', 'lookup.py', 'tree.py',
+            'test_transform_buffer.py', 'contextlib.py'):
         places += 1
         results = []
         thread = threading.Thread(
@@ -674,28 +567,7 @@ def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
         thread.start()
         thread.join(60.0)
         assert results == [0.0], f'locked by Ctrl-C at place {places}: {interrupt!r}'
-    assert places > 20
-
-
-def test_ctrl_c_in_a_block_leaves_the_buffer_free():
-    """The lock is released wherever Ctrl-C is raised, even while the exception is kept."""
-    buffer, places = TransformBuffer(), 0
-
-    def block():
-        with buffer.updated():
-            buffer.frames()
-
-    for interrupt in interruptions(lambda: block, 'engine.py', 'test_transform_buffer.py',
-                                   'contextlib.py'):
-        places += 1
-        free = []
-        thread = threading.Thread(
-            target=lambda: free.append(buffer.frames()), daemon=True)  # noqa: B023
-        thread.start()
-        thread.join(60.0)
-        assert free == [[]], f'locked by Ctrl-C at place {places}: {interrupt!r}'
-        assert not engine_of(buffer).is_held()
-    assert places > 5
+    assert places > least
 
 
 @pytest.mark.parametrize('is_static', [True, False])
@@ -833,17 +705,3 @@ def test_the_chain_between_two_frames():
         buffer.chain('map', 'nobody')
     with pytest.raises(InvalidArgumentException, match='"/map"'):
         buffer.chain('/map', 'left')
-
-
-def test_an_error_that_nobody_has_read_keeps_names_only():
-    """It does not refer to the buffer, so its text is made without a lock while others insert."""
-    buffer = TransformBuffer()
-    put(buffer, 'map', 'tool')
-    with pytest.raises(LookupException) as raised:
-        buffer.lookup_transform('map', 'tol')
-    error = raised.value.with_traceback(None)
-    gone = weakref.ref(buffer)
-    del buffer, raised
-    gc.collect()
-    assert gone() is None
-    assert "does not exist. Nearest known: 'tool'. More: " in str(error)

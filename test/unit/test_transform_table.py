@@ -1,11 +1,10 @@
 """transform_tables: the arrays have what `rows` returns for each message."""
 
 from collections import defaultdict
-import struct
 
 from hypothesis import given
 from hypothesis import strategies as st
-from messages import recorded
+from messages import recorded, written
 import numpy as np
 import pytest
 
@@ -19,28 +18,6 @@ FLOATS = st.floats(-10, 10) | st.just(float('nan'))
 ROWS = st.lists(st.builds(
     Row, st.integers(0, 4 * S), st.sampled_from(NAMES), st.sampled_from(NAMES),
     st.tuples(*[FLOATS] * 7)), max_size=3)
-
-
-def packed(rows, encoding=cdr, order='<'):
-    """Serialise transforms, by code of the test itself."""
-    data = struct.pack(f'{order}I', len(rows))
-    if encoding is cdr:
-        data = b'\0' * 4 + data  # positions are counted from here, modulo 8
-    for row in rows:
-        if encoding is ros1:
-            data += struct.pack('<I', 7)
-        data += struct.pack(f'{order}II', *divmod(row.stamp_ns, S))
-        for name in row.frame_id, row.child_frame_id:
-            text = name.encode('utf-8', 'surrogateescape') + (b'\0' if encoding is cdr else b'')
-            data += struct.pack(f'{order}I', len(text)) + text
-            if encoding is cdr:
-                data += bytes(-len(data) % 4)
-        if encoding is cdr:
-            data += bytes((4 - len(data)) % 8)
-        data += struct.pack(f'{order}7d', *row.pose)
-    if encoding is cdr:
-        data = (b'\0\1\0\0' if order == '<' else bytes(4)) + data[4:]
-    return data
 
 
 MESSAGES = st.lists(st.tuples(
@@ -62,8 +39,8 @@ def by_child(found):
 def test_as_rows(messages, repeats, encoding):
     """Per publisher, topic and child, the transforms are those of the messages, in order."""
     contents = [
-        recorded(time, packed(rows, encoding, order if encoding is cdr else '<'), is_static,
-                publisher, encoding)
+        recorded(time, written(rows, order if encoding is cdr else '<', encoding), is_static,
+                 publisher, encoding)
         for time, rows, is_static, publisher, order in messages * repeats]
     errors: list[ValueError] = []
     found = []
@@ -120,6 +97,7 @@ def test_negative_stamps():
     message = recorded(1, cdr.pack([Row(-3 * S + 5, 'map', 'odom', (0.0,) * 7)]))
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[-3 * S + 5]] * 2
-    message = recorded(1, packed([Row(2**31 * S, 'map', 'odom', (0.0,) * 7)], ros1), encoding=ros1)
+    message = recorded(1, written([Row(2**31 * S, 'map', 'odom', (0.0,) * 7)], encoding=ros1),
+                       encoding=ros1)
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[2**31 * S]] * 2

@@ -2,16 +2,13 @@
 
 from contextlib import ExitStack
 from itertools import pairwise
-from typing import Optional
 
 import numpy as np
 import pytest
 
 from puretf import TransformBuffer
 from puretf_tools.view import feed as feed_module
-from puretf_tools.view.feed import BagFeed, Player, Publication
-from puretf_tools.view.hand_publisher import HandPublisher
-from puretf_tools.view.joint_control import JointControls
+from puretf_tools.view.feed import BagFeed, Feed, Player, Publication
 from puretf_tools.view.placement import FrameWatcher
 from puretf_tools.view.rods import Display, fading, rods
 
@@ -336,22 +333,14 @@ def test_a_player(clock):
     assert (still.length, still.time) == (0.0, 1)
 
 
-class StubFeed:
+class StubFeed(Feed):
     """A feed with the same facts about every frame."""
 
     name = '/tf'
-    player: Optional[Player] = None
-    hand_publisher: Optional[HandPublisher] = None
-    joint_controls: Optional[JointControls] = None
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""
         self.buffer, self._publication = buffer, publication
-        self.findings: list[tuple[str, int]] = []
-
-    def descriptions(self):
-        """Return no description of a robot."""
-        return {}
 
     def publication(self, frame):
         """Return the facts, whatever the frame is."""

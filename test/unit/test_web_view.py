@@ -37,24 +37,6 @@ def test_a_port_that_is_taken(failed, bag):
             'choose another port, or leave out --port to take the next free one\n')
 
 
-@pytest.mark.parametrize('text', ['0', '-1', '65536', '8080.0', '80_80', ' 80', '', 'http', '٣',
-                                  '9' * 5000])
-def test_a_port_that_is_none(failed, text):
-    """It is refused in one line that states the limits."""
-    code, error = failed(main, '--port', text)
-    assert code == 2
-    assert len(error.splitlines()) == 1
-    assert 'from 1 to 65535' in error
-
-
-def test_a_directory_of_meshes_that_does_not_exist(failed):
-    """It is refused."""
-    code, error = failed(main, '--meshes', '.', '--meshes', 'no/where')
-    assert code == 2
-    assert len(error.splitlines()) == 1
-    assert "there is no directory 'no/where'" in error
-
-
 def test_a_port_that_needs_root(failed, monkeypatch, bag):
     """The error blames the port, not the address."""
     def refuse(*_):

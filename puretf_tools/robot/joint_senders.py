@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from time import monotonic
-from typing import Any, Optional, Protocol, TYPE_CHECKING
+from typing import Any, Optional, TYPE_CHECKING
 
-from puretf.formatting import comma_list, full_name, in_log
+from puretf import comma_list, full_name, shortened
 from puretf_tools.cli.parser import UsageError
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
@@ -54,18 +54,18 @@ class JointControl:
         """Let the robot move by itself."""
 
 
-class JointControls(Protocol):
+class JointControls:
     """The robots whose joints viewers can move."""
 
-    controls: list[JointControl]
-    why_none: str  #: why there is no control, and what to do
-    come_first: bool  #: whether the sliders are in the first tab
+    controls: Sequence[JointControl] = ()
+    why_none = ''  #: why there is no control, and what to do
+    come_first = False  #: whether the sliders are in the first tab
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """Look which robots there are; `descriptions`: those in the network, by topic."""
 
 
-class JointStatePublisher:
+class JointStatePublisher(JointControls):
     """Publishes the positions of all movable joints of one robot on joint_states."""
 
     come_first = True
@@ -92,11 +92,11 @@ class JointStatePublisher:
         #: The topic of the description; '': it is given.
         self._source = '' if description else node.resolve_topic_name(TOPIC)
         self.why_none = (
-            f'No robot description has arrived on {in_log(self._source)}: start '
+            f'No robot description has arrived on {shortened(self._source)}: start '
             'robot_state_publisher FILE, or pass FILE to joint_state_publisher, too.')
         if not description:
             node.get_logger().info(
-                f'waiting for a robot description on {in_log(self._source)}')
+                f'waiting for a robot description on {shortened(self._source)}')
         self._next, self._warned = 0.0, ''
         node.create_timer(1.0 / rate, self._publish)
 
@@ -130,7 +130,7 @@ class JointStatePublisher:
         own = self._node.get_fully_qualified_name()
         if own in names:
             names.remove(own)
-        return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}, too: '
+        return (f'{comma_list(sorted(names), 5, shortened)} publishes on {shortened(topic)}, too: '
                 'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
                 ) if names else ''
 
@@ -196,18 +196,14 @@ class JointCommander(JointControl):
             _message(self._node, {name: self.positions[name] for name in names}))
 
 
-class JointCommanders:
+class JointCommanders(JointControls):
     """The nodes that listen to a topic joint_command."""
-
-    come_first = False
-    why_none = ''
 
     def __init__(self, node: 'Node') -> None:
         self._node, self._next = node, 0.0
         #: By topic, and the namespace of a node that listens to it.
         self._commanders: dict[tuple[str, str], JointCommander] = {}
         self._listeners: list[tuple[str, str]] = []  # the same of all nodes, the nearest last
-        self.controls: list[JointControl] = []
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         if is_due := monotonic() >= self._next:
@@ -235,9 +231,9 @@ class JointCommanders:
         from puretf.publisher_listener import node_of
         for topic in map(joint_states_of, descriptions):
             if names := {node_of(info) for info in self._node.get_publishers_info_by_topic(topic)}:
-                return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}: '
-                        'joint_state_publisher has its sliders on its own page; other nodes can '
-                        'be moved if they listen to a topic joint_command.')
+                return (f'{comma_list(sorted(names), 5, shortened)} publishes on '
+                        f'{shortened(topic)}: joint_state_publisher has its sliders on its own page; '
+                        'other nodes can be moved if they listen to a topic joint_command.')
         return ('No node listens to a topic joint_command. To move the joints of a robot, start '
                 'joint_state_publisher FILE.')
 

@@ -1,0 +1,188 @@
+"""tf2's search for the path between two frames, and what follows from paths."""
+
+from collections.abc import Iterator
+from functools import reduce
+from itertools import pairwise, takewhile
+from typing import Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core import failures
+from puretf._core.history import AnyHistory, History
+from puretf._core.path import Path
+from puretf._core.tree import END, FrameTree
+
+#: The largest number of edges above a frame. If there are more, tf2 reports a loop.
+MAX_GRAPH_DEPTH = 1000
+
+
+def path(tree: FrameTree, target: str, source: str, time: int) -> Path:
+    """Find the path at a time (ns; 0: by the newest parents); raise tf2's error."""
+    from_source, from_target = _walk(tree, target, source, time)
+    return Path(_edges(tree, from_source), _edges(tree, from_target))
+
+
+def chain(tree: FrameTree, target: str, source: str, time: int) -> list[str]:
+    """Return the frames on the path that `path` finds, the source frame first."""
+    from_source, from_target = _walk(tree, target, source, time)
+    # The highest frame of the path is in neither list. It is the parent of the last frame of
+    # each list.
+    if from_target:
+        return [*from_source, *_parents(tree, from_target[-1:], time), *reversed(from_target)]
+    return [source, *_parents(tree, from_source, time)]
+
+
+def _parents(tree: FrameTree, frames: list[str], time: int) -> list[str]:
+    return [str(edge.parent_at(time)) for edge in _edges(tree, frames)]
+
+
+def _edges(tree: FrameTree, frames: list[str]) -> list[AnyHistory]:
+    return [history for frame in frames if (history := tree.histories[frame]) is not None]
+
+
+def _walk(tree: FrameTree, target: str, source: str, time: int) -> tuple[list[str], list[str]]:
+    """
+    Find a path; return the child frames of its edges up from the source, and from the target.
+
+    As in tf2, the search first follows the ancestors of the source, as far as there are data
+    for the time, and then the ancestors of the target. If there are several errors, this order
+    decides which error is raised.
+    """
+    from_source: list[str] = []
+    stopped_at: Optional[str] = None
+    frame = source
+    while (history := tree.histories[frame]) is not None:
+        parent = history.parent_at(time)
+        if parent is None:
+            stopped_at = frame
+            break
+        if frame == target:
+            return from_source, []
+        _append(tree, from_source, frame)
+        frame = parent
+    top = frame
+    from_target: list[str] = []
+    frame = target
+    while frame != top and (history := tree.histories[frame]) is not None:
+        parent = history.parent_at(time)
+        if parent is None:
+            raise failures.extrapolation(tree, frame, time, target, source)
+        if frame == source:
+            return [], from_target
+        _append(tree, from_target, frame)
+        frame = parent
+    if frame != top:
+        if stopped_at is not None:
+            raise failures.extrapolation(tree, stopped_at, time, target, source)
+        raise failures.unconnected(tree, target, source, time or END)
+    while from_source and from_target and from_source[-1] == from_target[-1]:
+        from_source.pop()
+        from_target.pop()
+    return from_source, from_target
+
+
+def latest_common_time(tree: FrameTree, target: str, source: str) -> int:
+    """
+    Return the latest time (ns) for which every dynamic edge has data; 0: no such edge.
+
+    The path follows the newest parents of the frames.
+    """
+    if source == target:
+        history = tree.histories[source]
+        return history.latest if history else 0
+    from_source: list[str] = []
+    # The number of edges from the source frame up to each of its ancestors.
+    depths: dict[str, int] = {}
+    for child, parent in _ancestors(tree, source):
+        _append(tree, from_source, child)
+        if parent == target:
+            return Path(_edges(tree, from_source), []).latest_common_time()
+        depths[parent] = len(from_source)
+    from_target: list[str] = []
+    for child, parent in _ancestors(tree, target):
+        _append(tree, from_target, child)
+        if parent == source:
+            return Path([], _edges(tree, from_target)).latest_common_time()
+        if parent in depths:
+            path = Path(_edges(tree, from_source[:depths[parent]]), _edges(tree, from_target))
+            return path.latest_common_time()
+    raise failures.unconnected(tree, target, source)
+
+
+def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
+    """
+    Return the stamps of the samples of all edges on the path between two frames.
+
+    At each time, the path follows the parents that the frames had at this time. Before its
+    first sample and after its last one, a frame has the parent of this sample. So stamps at
+    which only some of the edges have data are returned, too.
+    """
+    changes = {change for name in tree.all_ancestors(target) | tree.all_ancestors(source)
+               if isinstance(history := tree.histories[name], History)
+               for change in history.parent_changes()}
+    parts, is_connected = [], False
+    for begin, end in pairwise((-END, *sorted(changes), END)):
+        from_source, from_target, meeting = tree.chains_to_meeting(source, target, begin)
+        if meeting is None:
+            continue
+        is_connected = True
+        edges = [history for chain in (from_source, from_target)
+                 for frame in takewhile(meeting.__ne__, chain)
+                 if isinstance(history := tree.histories[frame], History)]
+        parts.append(reduce(_union, (
+            edge.stamps_between(begin, end) for edge in edges), np.empty(0, np.int64)))
+    if not is_connected:
+        raise failures.unconnected(tree, target, source)
+    return np.concatenate(parts)
+
+
+def _ancestors(tree: FrameTree, frame: str) -> Iterator[tuple[str, str]]:
+    """Yield (frame, newest parent) of a frame and each ancestor; follow a loop without end."""
+    while (history := tree.histories[frame]) and (parent := history.parent_at(0)):
+        yield frame, parent
+        frame = parent
+
+
+def has_no_loop_above(tree: FrameTree, frame: str) -> bool:
+    """
+    Return True if no loop can be above a frame at any time.
+
+    From the frame upwards, every parent that occurs in a history is followed. So there can be
+    several chains of parents. If all chains end within 1000 edges, no chain contains a loop.
+    """
+    ancestors = {frame}
+    for _ in range(MAX_GRAPH_DEPTH + 1):
+        ancestors = {
+            parent for name in ancestors if (history := tree.histories[name]) is not None
+            for parent in history.all_parents}
+        if not ancestors:
+            return True
+    return False
+
+
+def may_be_connected(tree: FrameTree, frame: str, other: str) -> bool:
+    """
+    Return True if two frames may be connected at some time.
+
+    From both frames upwards, every parent that occurs in a history is followed.
+    """
+    if tree.problem(frame) or tree.problem(other):
+        return False
+    return not tree.all_ancestors(frame).isdisjoint(tree.all_ancestors(other))
+
+
+def _append(tree: FrameTree, chain: list[str], frame: str) -> None:
+    """Append a frame to a chain; raise a LookupException if the chain becomes too long."""
+    chain.append(frame)
+    if len(chain) > MAX_GRAPH_DEPTH:
+        raise failures.too_long(tree, chain)
+
+
+def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Merge two sorted arrays of stamps, and drop duplicates."""
+    both = np.concatenate((stamps, others))
+    both.sort(kind='stable')  # this merges two sorted parts, many times as fast as np.union1d
+    is_new = np.ones(len(both), np.bool_)
+    np.not_equal(both[1:], both[:-1], out=is_new[1:])
+    return both[is_new]

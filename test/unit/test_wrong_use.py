@@ -1,0 +1,119 @@
+"""Commands that cannot begin: one line that says why."""
+
+from collections.abc import Sequence
+from importlib import import_module
+import shlex
+
+import pytest
+
+#: By command and part of the error: the arguments.
+WRONG: dict[str, dict[str, Sequence[str]]] = {
+    'check_arm': {
+        'give files of programs, or --bag, or --frames': [
+            'a.py --bag b', '--frames f.pdf --bag b'],
+        '--time is for an arm that is running': ['--bag b --time 9'],
+        '--time must be at least 1 s, and at most 3600 s, got 0.5': ['--time 0.5'],
+        "'nan' is not finite": ['--time nan'],
+        '--jobs must be at least 1, and at most 17, got 0': ['a.py --jobs 0'],
+        '--csv, --feedback and --jobs need the files': ['--jobs 2', '--csv out.csv'],
+        '--resume needs --csv': ['a.py --resume'],
+        'a.py is given twice': ['a.py a.py'],
+        'a\\x1b is given twice': ["'a\x1b' 'a\\x1b'"],
+        '--namespace is for --bag': ['a.py --namespace robot'],
+        "--csv needs the name of a file that ends in .csv, got 'b.py'": ['a.py --csv b.py'],
+        '--csv needs the name of a file that ends in .csv': ['a.csv --csv a.csv'],
+        '--partial needs --bag': ['--partial'],
+        '--bag needs the path of a bag': ["--bag ''"],
+        "'frames.txt' must end in .pdf or .gv": ['--frames frames.txt']},
+    'tf2_echo': {
+        'the following arguments are required: target_frame': ['map'],
+        'a frame must have a name': ['map /', "'' odom"],
+        "'fast' is not a number": ['map odom fast'],
+        'the rate must be more than 0 Hz, got 0': ['map odom 0'],
+        'the rate must be more than 0 Hz, got -0.001': ['map odom -r -1e-3'],
+        'the rate is given twice': ['map odom 1 -r 1'],
+        'the precision must be from 0 to 17 digits, got 18': ['map odom -p 18'],
+        'the precision must be from 0 to 17 digits, got -1': ['map odom -p -1'],
+        "'0.5' is not a whole number": ['map odom -p 0.5'],
+        "'-1' must be a time in s": ['map odom -t -1'],
+        "'1e99' must be a time in s": ['map odom -t 1e99'],
+        'with at most 9 digits after the point': [
+            f'map odom -t 1.{"0" * 30}1', 'map odom -t 1.0000000001'],
+        'leave out the rate': ['map odom --bag x -r 1'],
+        '--partial needs --bag': ['map odom --partial']},
+    'tf2_monitor': {
+        'give two frames, or none to monitor all frames': ['map', "map ''", '/ odom']},
+    'tf_trajectory': {
+        'the following arguments are required: source_frame': ['map'],
+        'a frame must have a name': ["map ''", '/ odom'],
+        "'x' must end in .csv, .tum, .npz, .png, .svg, .pdf": ['map odom -o x'],
+        "'' must end in .csv": ["map odom -o ''"],
+        "'.csv' must end in .csv": ['map odom -o .csv'],
+        "'x.csv/' must end in .csv": ['map odom -o x.csv/'],
+        "'x.json' must end in .csv": ['map odom -o x.json'],
+        'a .tum file has no place for velocities': ['map odom -o x.tum --twist'],
+        '--every must be at least 1e-09 s': [
+            'map odom --every 0', 'map odom --every -1', 'map odom --every 1e-10'],
+        '--every must be at least 1e-09 s, and less than': ['map odom --every 1e10'],
+        "'nan' is not finite": ['map odom --every nan'],
+        'the time to listen must be more than 0 s': ['map odom --time 0'],
+        'and at most 1e+09 s, got 1e+10': ['map odom --time 1e10'],
+        'leave it out with --bag': ['map odom --bag x --time 1'],
+        '--bag needs the path of a bag': ["map odom --bag ''"],
+        '--partial needs --bag': ['map odom --partial']},
+    'view_frames': {
+        'the time to listen must be more than 0 s, and at most 1e+09 s, got 0': ['-t 0'],
+        "'x' is not a number": ['-t x'],
+        'unrecognized arguments: --wait_time (did you mean --wait-time?)': ['--wait_time'],
+        'at most 1e+09 s, got 1e+300': ['-t 1e300'],
+        'is not a file name': ["-o ''", '-o ..', '-o directory/'],
+        'must end in .pdf, .svg, .png': ['-o a.jpg'],
+        '--root needs the name of a frame': ["--root ''", '--root /'],
+        'are for listening: leave them out': ['--bag x --watch', '--bag x -t 5'],
+        '--partial needs --bag': ['--partial'],
+        '--bag needs the path of a bag': ["--bag ''"]},
+    'web_view': {
+        'from 1 to 65535': [f'--port={port}' for port in (
+            '0', '-1', '65536', '8080.0', '80_80', "' 80'", '', 'http', '٣', '9' * 5000)],
+        "there is no directory 'no/where'": ['--meshes . --meshes no/where'],
+        "'a.pdf' must end in .html": ['--export a.pdf'],
+        '--time needs --export': ['--time 3'],
+        'the time to listen must be more than 0 s': ['--export a.html --time 0']}}
+
+
+def main_of(command):
+    """Return the function of a command."""
+    package = 'dummy_arm' if command == 'check_arm' else 'puretf_tools.commands'
+    return import_module(f'{package}.{command}').main
+
+
+@pytest.mark.parametrize(('command', 'arguments', 'text'), [
+    pytest.param(command, arguments, text, id=f'{command} {arguments}'[:60])
+    for command, rows in WRONG.items() for text, given in rows.items() for arguments in given])
+def test_wrong_use(failed, command, arguments, text):
+    """The exit code is 2."""
+    code, error = failed(main_of(command), *shlex.split(arguments))
+    assert code == 2
+    assert text in error
+    assert error.startswith(f'{command}: ')
+    assert error.count('\n') == 1
+
+
+@pytest.mark.parametrize(('command', 'arguments', 'name'), [
+    ('tf_trajectory', 'map odom -o', 'x.csv'), ('view_frames', '-o', 'x.pdf'),
+    ('web_view', '--export', 'x.html')])
+def test_where_nothing_can_be_written(failed, tmp_path, command, arguments, name):
+    """The exit code is 1; the error comes before the bag is read, and no file is written."""
+    path = tmp_path / 'missing' / name
+    assert failed(main_of(command), '--bag', 'nowhere', *arguments.split(), str(path)) == (
+        1, f'{command}: cannot write {path}: {path.parent} is not a writable directory\n')
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(('command', 'arguments'), [
+    ('check_arm', ''), ('tf2_echo', 'map odom'), ('tf_trajectory', 'map odom'),
+    ('view_frames', ''), ('web_view', '')])
+def test_a_bag_that_does_not_exist(failed, command, arguments):
+    """The exit code is 1."""
+    assert failed(main_of(command), *arguments.split(), '--bag', 'nowhere') == (
+        1, f'{command}: cannot read nowhere: No such file or directory\n')
