@@ -5,7 +5,6 @@ from contextlib import suppress
 from functools import partial
 from inspect import iscoroutine
 from itertools import islice
-from operator import index
 from typing import Any, Union
 
 from rclpy.clock import Clock, TimeJump
@@ -77,11 +76,6 @@ class MessageFilter:
         """
         check_node(node, 'MessageFilter(input, buffer, target_frames, queue_size, node)')
         self._buffer, self._engine, self._node = buffer, engine_of(buffer), node
-        #: How long a message waits at most (ns); not used without a timer.
-        self._timeout = nanoseconds_or_int(
-            0 if buffer_timeout is None else buffer_timeout, 'buffer_timeout')
-        if self._timeout < 0:
-            raise ValueError(f'buffer_timeout must not be negative, got {self._timeout} ns')
         self._queue = FilterQueue(
             buffer, _frame_names(target_frames), nanoseconds_or_int(tolerance, 'tolerance'),
             _checked_size(queue_size))
@@ -96,13 +90,14 @@ class MessageFilter:
         self._subscription: Any = None
         #: The callback of the current input.
         self._receive: object = None
-        self._guard = guard_condition(
-            node, node.default_callback_group, self._end, self._call_back)
+        self._guard = guard_condition(node, node.default_callback_group, self._end, self._deliver)
         try:
             if buffer_timeout is not None:
-                self._timer = node.create_timer(
-                    1.0, self._on_timeout, node.default_callback_group,
-                    Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
+                self._timeout = timeout = nanoseconds_or_int(buffer_timeout, 'buffer_timeout')
+                if timeout < 0:
+                    raise ValueError(f'buffer_timeout must not be negative, got {timeout} ns')
+                clock = Clock(clock_type=ClockType.STEADY_TIME)
+                self._timer = node.create_timer(1, self._on_timeout, clock=clock, autostart=False)
             self._jump_handle = create_jump_handle(node.get_clock(), self)
             self._engine.add_waiter(self)
             if input is not None:
@@ -139,23 +134,22 @@ class MessageFilter:
         if self._has_ended:
             raise RuntimeError('the filter has ended, because of unregister or destroy_node')
 
-        def receive(message: Any, deliver: Callable[[], None] = self._trigger) -> None:
+        def receive(message: Any, *, deliver: Callable[[], None] = self._trigger) -> None:
             if self._receive is receive:  # message_filters cannot unregister a callback
                 self._put(message)
                 deliver()
 
-        subscription = None
-        if not hasattr(input, 'registerCallback'):
-            if not (isinstance(input, Sequence) and len(input) == 3
-                    and isinstance(input[0], type)):
-                raise TypeError('input must be a tuple (message type, topic, QoS) or an object '
-                                f'with the method registerCallback, got {described(input)}')
-            kind, topic, qos = input
-            if not hasattr(kind, 'header'):
-                raise TypeError(f'messages must have a header, but {kind.__name__} has none')
+        if hasattr(input, 'registerCallback'):
+            subscription = None
+        elif not (isinstance(input, Sequence) and len(input) == 3 and isinstance(input[0], type)):
+            raise TypeError('input must be a tuple (message type, topic, QoS) or an object with '
+                            f'the method registerCallback, got {described(input)}')
+        elif not hasattr(input[0], 'header'):
+            raise TypeError(f'messages must have a header, but {input[0].__name__} has none')
+        else:
             # The executor calls this function, so the callbacks of the filter are called at once.
             subscription = self._node.create_subscription(
-                kind, topic, partial(receive, deliver=self._call_back), qos)
+                input[0], input[1], partial(receive, deliver=self._deliver), input[2])
         self._node.destroy_subscription(self._subscription)
         self._receive, self._subscription = receive, subscription
         if subscription is None:
@@ -178,15 +172,15 @@ class MessageFilter:
                             f'{type(message).__name__}')
         if self._has_ended or not self._queue.targets:
             return
-        entry, oldest = self._queue.put(nanoseconds(header.stamp), header.frame_id, message)
-        if oldest is entry:
+        new, oldest = self._queue.put(nanoseconds(header.stamp), header.frame_id, message)
+        if oldest is new:
             self._engine.wake_sources()  # so that the thread of the listener does not pause
-        elif (oldest and entry.arrival - oldest.arrival > 2 * SECOND
-                and self._log.is_due('waiting', 10.0)):
+        elif oldest and (waited := new.arrival - oldest.arrival) > 2 * SECOND and (
+                self._log.is_due('waiting', 10.0)):
             self._log.write(
                 f"Messages wait for their transforms. The oldest, of frame "
                 f"'{shortened(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited "
-                f'for {(entry.arrival - oldest.arrival) / SECOND:.1f} s.{self._why_not(oldest)}')
+                f'for {waited / SECOND:.1f} s.{self._why_not(oldest)}')
         self._limit()
 
     def clear(self) -> None:
@@ -258,7 +252,7 @@ class MessageFilter:
             self._timer.cancel()
         self._queue.ready()
         self._limit()
-        self._call_back()
+        self._deliver()
 
     # Output
 
@@ -282,12 +276,12 @@ class MessageFilter:
         self._on_drop.append(lambda entry: callback(entry.message, entry.reason))
 
     def _trigger(self) -> None:
-        """Make the executor call `_call_back` if messages are due."""
+        """Make the executor call `_deliver` if messages are due."""
         with suppress(InvalidHandle, RCLError):  # if the filter is ended at this moment
             if self._queue.due:
                 self._guard.trigger()
 
-    def _call_back(self) -> None:
+    def _deliver(self) -> None:
         """Call the callbacks for the messages that are due; the executor calls this."""
         results: list[Any] = []
         try:
@@ -336,6 +330,6 @@ def _frame_names(given: Union[str, Iterable[str]]) -> tuple[str, ...]:
 def _checked_size(size: int) -> int:
     if not hasattr(size, '__index__'):
         raise TypeError(f'queue_size must be an integer, got {described(size)}')
-    if index(size) < 0:
+    if size < 0:
         raise ValueError(f'queue_size must be 0 (any number of messages) or more, got {size}')
-    return index(size)
+    return int(size)

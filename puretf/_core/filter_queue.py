@@ -8,7 +8,7 @@ long, and `shorten` drops those that have waited longest while too many wait.
 """
 
 from bisect import insort
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from itertools import count
 from time import monotonic_ns
@@ -128,12 +128,10 @@ class FilterQueue:
         with self._engine.lock:
             self.waiting, self.due = {}, []
 
-    def _decided(self, entries: Iterable[Entry]) -> Iterator[Entry]:
+    def _decided(self, entries: Sequence[Entry]) -> Iterator[Entry]:
         """Yield the messages that are ready and, with the reason, those that are too old."""
-        frames: dict[str, list[Entry]] = {}
-        for entry in entries:
-            frames.setdefault(entry.frame, []).append(entry)
-        for frame, group in frames.items():  # one lookup for all messages of a frame
+        for frame in {entry.frame for entry in entries}:  # one lookup for all messages of a frame
+            group = [entry for entry in entries if entry.frame == frame]
             answers = [(shift, *self._engine.availability(
                 target, frame, [entry.stamp + shift for entry in group]))
                 for target in self.targets for shift in {0, self.tolerance}]

@@ -28,6 +28,7 @@ from std_msgs.msg import Header
 
 from puretf import (
     Buffer,
+    buffer_interface,
     BufferInterface,
     convert,
     ConvertRegistration,
@@ -185,6 +186,16 @@ class Own:
         self.header = HEADER
 
 
+@pytest.fixture
+def own_type():
+    """Forget the functions for `Own` after the test; the registry is that of the process."""
+    yield
+    for functions in vars(buffer_interface).values():
+        if isinstance(functions, dict):
+            functions.pop(Own, None)
+
+
+@pytest.mark.usefixtures('own_type')
 def test_types_can_be_registered(buffer):
     """Registered types can be transformed and converted."""
     with pytest.raises(TypeException, match=r'^Type <class .*Own.> is not loaded or supp'):
