@@ -94,7 +94,7 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
                      child_frame_id: Optional[str], namespace: str, **flags: Optional[float]
                      ) -> int:
     """Call `command` with the values of the flags or of the old-style arguments."""
-    given = [name for name, value in flags.items() if value is not None]
+    given = {name: value for name, value in flags.items() if value is not None}
     if old_style:
         if given or frame_id is not None or child_frame_id is not None:
             raise UsageError('Cannot specify both new-style (flags) and old-style (arguments)')
@@ -105,10 +105,9 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
                 f'the old style needs 8 arguments ({" ".join(OLD_EULER)} frame_id child_frame_id) '
                 f'or 9 ({" ".join(OLD_QUATERNION)} frame_id child_frame_id), got '
                 f'{len(old_style)}')
-        given = [*names]
         for name, text in zip(names, numbers):
             try:
-                flags[name] = number(text)
+                given[name] = number(text)
             except argparse.ArgumentTypeError as error:
                 raise UsageError(f'argument {name}: {error}') from None
     if frame_id is None or child_frame_id is None:
@@ -118,13 +117,12 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
     if angles and quaternion:
         raise UsageError(f'Cannot specify both quaternion and Euler rotations: --{quaternion[0]} '
                          f'and --{angles[0]}')
-    rotation = ([flags[name] or 0.0 for name in QUATERNION[:3]]
-                + [1.0 if flags['qw'] is None else flags['qw']])
+    values = {**dict.fromkeys(flags, 0.0), 'qw': 1.0, **given}
+    rotation = [values[name] for name in QUATERNION]
     if angles:
-        roll, pitch, yaw = (flags[name] or 0.0 for name in EULER)
-        rotation = [*quaternion_from_euler(roll, pitch, yaw)]
-    return command([flags[name] or 0.0 for name in TRANSLATION], rotation, frame_id,
-                   child_frame_id, namespace, is_old_style=bool(old_style), ros_args=ros_args)
+        rotation = [*quaternion_from_euler(values['roll'], values['pitch'], values['yaw'])]
+    return command([values[name] for name in TRANSLATION], rotation, frame_id, child_frame_id,
+                   namespace, is_old_style=bool(old_style), ros_args=ros_args)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

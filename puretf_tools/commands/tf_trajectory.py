@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from puretf import TransformBuffer, TransformException
 from puretf.formatting import exact_time, SECOND, shortened, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
-from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
@@ -214,14 +214,11 @@ def _print_summary(trajectory: Trajectory, path: Optional[Path], some: str) -> N
 
 def _output_path(output: str, twist: bool) -> Path:
     """Return the path of a file, after a check that it can be written in its format."""
-    path = Path(output)
+    path = path_to_write(output, (*TABLES, *DRAWINGS))
     ending = path.suffix.lower()
-    if ending not in (*TABLES, *DRAWINGS) or output.endswith('/'):
-        raise UsageError(f'{output!r} must end in {", ".join((*TABLES, *DRAWINGS))}')
     if twist and ending == '.tum':
         raise UsageError('a .tum file has no place for velocities: leave out --twist, or write '
                          f'another format than {output!r}')
-    check_writable(path)
     if ending in DRAWINGS:
         os.environ['MPLBACKEND'] = 'agg'  # another one might be missing, and no window is opened
         try:

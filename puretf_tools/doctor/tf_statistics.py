@@ -293,8 +293,7 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
         rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
         bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
         indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
-        values['jumps'] += np.bincount(
-            indices + columns * _JUMPS, minlength=moves.shape[1] * _JUMPS).reshape(-1, _JUMPS)
+        np.add.at(values['jumps'], (columns, indices), 1)
     values['usual_speed'] = np.maximum(values['usual_speed'], usual.max(axis=0))
 
 
@@ -326,10 +325,9 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     values['backwards'] += (steps < 0).sum(axis=0)
     _keep_largest(values, largest_step=steps, largest_step_at=before)
     _keep_largest(values, step_back=-steps, step_back_at=before)
-    forward, columns = steps > 0, np.arange(steps.shape[1])
-    bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
-    indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]
-    values['steps'] += np.bincount(indices, minlength=len(columns) * _BINS).reshape(-1, _BINS)
+    rows, columns = np.nonzero(steps > 0)
+    bins = np.ceil(np.log2(np.maximum(steps[rows, columns] / _FIRST_BIN, 1.0)) * _BINS_PER_OCTAVE)
+    np.add.at(values['steps'], (columns, np.minimum(bins, _BINS - 1).astype(np.int64)), 1)
 
 
 def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:

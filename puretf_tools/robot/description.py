@@ -14,6 +14,7 @@ from xml.parsers import expat
 
 from puretf.formatting import abbreviated, comma_list, quoted, suggest_names, visible
 from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
+from puretf_tools.cli.parser import UsageError
 
 #: x, y, z (m) and the quaternion x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
@@ -66,7 +67,7 @@ _NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, 
 _lock = Lock()
 
 
-class DescriptionError(ValueError):
+class DescriptionError(UsageError):
     """A description that is refused; the text is one line."""
 
 
