@@ -7,6 +7,7 @@ from functools import partial as partial_function
 from itertools import chain
 import json
 from multiprocessing import active_children, get_context, resource_tracker
+from pathlib import Path
 import sys
 import threading
 import time
@@ -30,8 +31,6 @@ from puretf_tools.inspection.traffic import SETTLING
 from puretf_tools.robot.observed import robots_in_bag
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rclpy.node import Node
 
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
@@ -125,7 +124,7 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
     return int(faulty + unreadable > 0)
 
 
-def _results(found: Sequence[Sequence['Path']], jobs: int,
+def _results(found: Sequence[Sequence[Path]], jobs: int,
              examine_one: Callable[..., dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Examine recordings in this process or in several, with a bar; yield the results in order."""
     if len(found) == 1:
@@ -142,7 +141,7 @@ def _results(found: Sequence[Sequence['Path']], jobs: int,
         # one result. A forked process could hold locks of threads that it does not have.
         local = threading.local()
 
-        def examine_in_process(paths: Sequence['Path']) -> dict[str, Any]:
+        def examine_in_process(paths: Sequence[Path]) -> dict[str, Any]:
             if not hasattr(local, 'executor'):
                 local.executor = ProcessPoolExecutor(1, get_context('spawn'))
             try:

@@ -329,7 +329,12 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     """Draw positions, angles and velocities over time, and the path from above."""
     from matplotlib.figure import Figure
     stamps, values = (np.concatenate(each) for each in zip(*trajectory.parts()))
-    _check_drawable(trajectory, stamps, values)
+    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
+        row, column = too_large[0]
+        raise CommandError(
+            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
+            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
+            f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
     style = {'linewidth': 1.2, 'marker': '.' if trajectory.count < 100 else ''}
     panels = 4 if trajectory.has_twist else 2
     figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
@@ -349,16 +354,6 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
         warnings.simplefilter('ignore')  # names may have characters that the font does not have
         figure.savefig(drawing, format=ending[1:], dpi=110)
     path.write_bytes(drawing.getvalue())
-
-
-def _check_drawable(trajectory: Trajectory, stamps: NDArray[np.int64],
-                    values: NDArray[np.float64]) -> None:
-    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
-        row, column = too_large[0]
-        raise CommandError(
-            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
-            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
-            f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
 
 
 def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray[np.float64],

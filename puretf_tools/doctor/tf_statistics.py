@@ -198,7 +198,9 @@ class Statistics(Counts):
             if not table.is_static:
                 self._keep(numbers, times, stamps[is_timed])
             if offset is not None:
-                _add_times(values, times + offset)
+                first = values['first_time']
+                values['first_time'] = np.where(first == 0, (times + offset).min(), first)
+                values['last_time'] = np.maximum(values['last_time'], (times + offset).max())
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
 
@@ -337,9 +339,3 @@ def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:
     is_larger = np.take_along_axis(columns[first], at, 0)[0] > values[first]
     for name, column in columns.items():
         values[name] = np.where(is_larger, np.take_along_axis(column, at, 0)[0], values[name])
-
-
-def _add_times(values: Any, times: NDArray[np.int64]) -> None:
-    is_new = values['first_time'] == 0
-    values['first_time'] = np.where(is_new, times.min(), values['first_time'])
-    values['last_time'] = np.maximum(values['last_time'], times.max())

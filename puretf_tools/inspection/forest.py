@@ -1,7 +1,7 @@
 """Arrange the frames of a buffer into trees and loops."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import NamedTuple, Optional, TypeVar
+from typing import NamedTuple, Optional, Protocol, TypeVar
 
 from puretf import Frame
 
@@ -109,7 +109,12 @@ def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
             name = frames[name].parent
 
 
-def descend(frames: Mapping[str, Frame], known: Mapping[str, _Value],
+class _HasParent(Protocol):
+    @property
+    def parent(self) -> str: ...
+
+
+def descend(frames: Mapping[str, _HasParent], known: Mapping[str, _Value],
             child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
     """Add the values of all descendants, each from its name and the value of its parent."""
     values = dict(known)
