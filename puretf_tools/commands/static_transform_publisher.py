@@ -3,8 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from math import hypot
-import secrets
-import string
+from secrets import token_hex
 from typing import Optional
 
 from geometry_msgs.msg import TransformStamped
@@ -25,7 +24,6 @@ OLD_EULER = (*TRANSLATION, 'yaw', 'pitch', 'roll')
 OLD_QUATERNION = (*TRANSLATION, *QUATERNION)
 #: The squared length of a quaternion must differ from 1 by less than this value, as in tf2.
 _TOLERANCE = 0.01
-_CHARACTERS = string.ascii_letters + string.digits
 
 
 class StaticTransformPublisher(Node):
@@ -39,8 +37,7 @@ class StaticTransformPublisher(Node):
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:
         # As in tf2, the end of the name is random, so that several of these nodes can run at once.
-        tail = ''.join(secrets.choice(_CHARACTERS) for _ in range(16))
-        super().__init__(f'static_transform_publisher_{tail}')
+        super().__init__(f'static_transform_publisher_{token_hex(8)}')
         if is_old_style:
             self.get_logger().warning(
                 'Old-style arguments are deprecated; see --help for new-style arguments')

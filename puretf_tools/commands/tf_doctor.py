@@ -79,7 +79,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
                        if bag is None else
                        _explain_bag((ends[0], ends[1]), t, bag, namespace, partial))
-        print(json.dumps(_explanation_data(explanation), indent=2) if as_json else explanation)
+        print(json.dumps(explanation.as_dict(), indent=2) if as_json else explanation)
         return int(bool(explanation.why_not))
     if bag is not None:
         return _examine_bags(bag, jobs or 1, as_json, partial_function(
@@ -88,13 +88,6 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
-
-
-def _explanation_data(explanation: Explanation) -> dict[str, Any]:
-    return {'frames': explanation.ends, 'time': explanation.stamp, 'roots': explanation.roots,
-            'why_not': explanation.why_not,
-            'path': [{**frame._asdict(), 'refusal': explanation.refusals[frame.name]}
-                     for frame in explanation.path]}
 
 
 # Bags
