@@ -185,7 +185,6 @@ class _Listening:
     def __init__(self, node: 'Node', kept: float = 10.0) -> None:
         """Subscribe; keep transforms in the buffer for some time (s)."""
         from puretf_tools.inspection.frame_listener import FrameListener
-        self.node = node
         self.listener = FrameListener(node, kept)
         self.statistics = Statistics(SETTLING)
         self.dropped = 0  #: the number of messages that arrived too fast
@@ -197,7 +196,7 @@ class _Listening:
         """Count what has arrived."""
         self.end = self.listener.now()
         # Without simulated time, both are one clock; a pause between two looks at it would count.
-        self.offset = (0 if not self.node.get_parameter('use_sim_time').value else
+        self.offset = (0 if not self.listener.node.get_parameter('use_sim_time').value else
                        self.end - time.time_ns() if self.end else None)
         received, dropped = self.listener.received()
         self.dropped += dropped
