@@ -1,6 +1,6 @@
 """Files that commands write: completely, or not at all."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
@@ -8,7 +8,16 @@ from secrets import token_hex
 from stat import S_IMODE, S_ISDIR, S_ISREG
 from typing import Optional
 
-from puretf_tools.cli.parser import CommandError
+from puretf_tools.cli.parser import CommandError, UsageError
+
+
+def path_to_write(output: str, endings: Sequence[str]) -> Path:
+    """Return the path of a file that can be written; its ending must be one of some."""
+    path = Path(output)
+    if path.suffix.lower() not in endings or output.endswith('/'):
+        raise UsageError(f'{output!r} must end in {", ".join(endings)}')
+    check_writable(path)
+    return path
 
 
 def check_writable(path: Path) -> None:

@@ -5,8 +5,8 @@ from typing import Optional
 
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.page_options import add_page_options, HOST
-from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
-from puretf_tools.robot.description import DescriptionError, parse, read
+from puretf_tools.cli.parser import add_namespace_option, Parser, run
+from puretf_tools.robot.description import parse, read
 from puretf_tools.robot.descriptions import TOPIC
 
 
@@ -14,10 +14,7 @@ def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = 
             meshes: Sequence[str] = (), namespace: str = '', *, ros_args: Sequence[str] = ()
             ) -> int:
     """Publish the joints of a file, or of the topic robot_description, until a signal."""
-    try:
-        description = None if file is None else parse(read(file))
-    except DescriptionError as error:
-        raise UsageError(str(error)) from None
+    description = None if file is None else parse(read(file))
     from puretf_tools.robot.joint_senders import JointStatePublisher
     from puretf_tools.view.feed import LiveFeed
     from puretf_tools.view.page import show

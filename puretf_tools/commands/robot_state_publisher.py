@@ -5,17 +5,14 @@ from typing import Optional
 
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
-from puretf_tools.robot import DescriptionError, read
+from puretf_tools.robot import read
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 
 def command(file: Optional[str] = None, namespace: str = '', *, ros_args: Sequence[str] = ()
             ) -> int:
     """Publish the robot of a file, or of the parameter robot_description, until a signal."""
-    try:
-        text = '' if file is None else read(file)
-    except DescriptionError as error:
-        raise UsageError(str(error)) from None
+    text = '' if file is None else read(file)
 
     def make_node() -> RobotStatePublisher:
         try:

@@ -3,8 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from math import hypot
-import secrets
-import string
+from secrets import token_hex
 from typing import Optional
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -24,7 +23,6 @@ OLD_EULER = (*TRANSLATION, 'yaw', 'pitch', 'roll')
 OLD_QUATERNION = (*TRANSLATION, *QUATERNION)
 #: The squared length of a quaternion must differ from 1 by less than this value, as in tf2.
 _TOLERANCE = 0.01
-_CHARACTERS = string.ascii_letters + string.digits
 
 
 class StaticTransformPublisher(Node):
@@ -38,8 +36,7 @@ class StaticTransformPublisher(Node):
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:
         # As in tf2, the end of the name is random, so that several of these nodes can run at once.
-        tail = ''.join(secrets.choice(_CHARACTERS) for _ in range(16))
-        super().__init__(f'static_transform_publisher_{tail}')
+        super().__init__(f'static_transform_publisher_{token_hex(8)}')
         if is_old_style:
             self.get_logger().warning(
                 'Old-style arguments are deprecated; see --help for new-style arguments')
@@ -91,7 +88,7 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
                      child_frame_id: Optional[str], namespace: str, **flags: Optional[float]
                      ) -> int:
     """Call `command` with the values of the flags or of the old-style arguments."""
-    given = [name for name, value in flags.items() if value is not None]
+    given = {name: value for name, value in flags.items() if value is not None}
     if old_style:
         if given or frame_id is not None or child_frame_id is not None:
             raise UsageError('Cannot specify both new-style (flags) and old-style (arguments)')
@@ -102,10 +99,9 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
                 f'the old style needs 8 arguments ({" ".join(OLD_EULER)} frame_id child_frame_id) '
                 f'or 9 ({" ".join(OLD_QUATERNION)} frame_id child_frame_id), got '
                 f'{len(old_style)}')
-        given = [*names]
         for name, text in zip(names, numbers):
             try:
-                flags[name] = number(text)
+                given[name] = number(text)
             except argparse.ArgumentTypeError as error:
                 raise UsageError(f'argument {name}: {error}') from None
     if frame_id is None or child_frame_id is None:
@@ -115,13 +111,12 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
     if angles and quaternion:
         raise UsageError(f'Cannot specify both quaternion and Euler rotations: --{quaternion[0]} '
                          f'and --{angles[0]}')
-    rotation = ([flags[name] or 0.0 for name in QUATERNION[:3]]
-                + [1.0 if flags['qw'] is None else flags['qw']])
+    values = {**dict.fromkeys(flags, 0.0), 'qw': 1.0, **given}
+    rotation = [values[name] for name in QUATERNION]
     if angles:
-        roll, pitch, yaw = (flags[name] or 0.0 for name in EULER)
-        rotation = [*quaternion_from_euler(roll, pitch, yaw)]
-    return command([flags[name] or 0.0 for name in TRANSLATION], rotation, frame_id,
-                   child_frame_id, namespace, is_old_style=bool(old_style), ros_args=ros_args)
+        rotation = [*quaternion_from_euler(values['roll'], values['pitch'], values['yaw'])]
+    return command([values[name] for name in TRANSLATION], rotation, frame_id, child_frame_id,
+                   namespace, is_old_style=bool(old_style), ros_args=ros_args)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -99,8 +99,7 @@ def _rate_and_delays(row: NodeTraffic) -> str:
     if row.is_static:
         return f'{"static":>9}{"":30}'
     if row.summary is None:
-        silence = row.silence
-        last = '' if silence is None else f'last received {silence:.1f} s ago'
+        last = '' if row.silence is None else f'last received {row.silence:.1f} s ago'
         return f'{last:>39}'
     rate, average, maximum = row.summary
     hertz = '?' if rate is None else f'{rate:.1f}'

@@ -7,6 +7,7 @@ from functools import partial as partial_function
 from itertools import chain
 import json
 from multiprocessing import active_children, get_context, resource_tracker
+from pathlib import Path
 import sys
 import threading
 import time
@@ -30,8 +31,6 @@ from puretf_tools.inspection.traffic import SETTLING
 from puretf_tools.robot.observed import robots_in_bag
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rclpy.node import Node
 
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
@@ -80,7 +79,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
                        if bag is None else
                        _explain_bag((ends[0], ends[1]), t, bag, namespace, partial))
-        print(json.dumps(_explanation_data(explanation), indent=2) if as_json else explanation)
+        print(json.dumps(explanation.as_dict(), indent=2) if as_json else explanation)
         return int(bool(explanation.why_not))
     if bag is not None:
         return _examine_bags(bag, jobs or 1, as_json, partial_function(
@@ -89,13 +88,6 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
-
-
-def _explanation_data(explanation: Explanation) -> dict[str, Any]:
-    return {'frames': explanation.ends, 'time': explanation.stamp, 'roots': explanation.roots,
-            'why_not': explanation.why_not,
-            'path': [{**frame._asdict(), 'refusal': explanation.refusals[frame.name]}
-                     for frame in explanation.path]}
 
 
 # Bags
@@ -125,7 +117,7 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
     return int(faulty + unreadable > 0)
 
 
-def _results(found: Sequence[Sequence['Path']], jobs: int,
+def _results(found: Sequence[Sequence[Path]], jobs: int,
              examine_one: Callable[..., dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Examine recordings in this process or in several, with a bar; yield the results in order."""
     if len(found) == 1:
@@ -142,7 +134,7 @@ def _results(found: Sequence[Sequence['Path']], jobs: int,
         # one result. A forked process could hold locks of threads that it does not have.
         local = threading.local()
 
-        def examine_in_process(paths: Sequence['Path']) -> dict[str, Any]:
+        def examine_in_process(paths: Sequence[Path]) -> dict[str, Any]:
             if not hasattr(local, 'executor'):
                 local.executor = ProcessPoolExecutor(1, get_context('spawn'))
             try:
@@ -193,7 +185,6 @@ class _Listening:
     def __init__(self, node: 'Node', kept: float = 10.0) -> None:
         """Subscribe; keep transforms in the buffer for some time (s)."""
         from puretf_tools.inspection.frame_listener import FrameListener
-        self.node = node
         self.listener = FrameListener(node, kept)
         self.statistics = Statistics(SETTLING)
         self.dropped = 0  #: the number of messages that arrived too fast
@@ -205,7 +196,7 @@ class _Listening:
         """Count what has arrived."""
         self.end = self.listener.now()
         # Without simulated time, both are one clock; a pause between two looks at it would count.
-        self.offset = (0 if not self.node.get_parameter('use_sim_time').value else
+        self.offset = (0 if not self.listener.node.get_parameter('use_sim_time').value else
                        self.end - time.time_ns() if self.end else None)
         received, dropped = self.listener.received()
         self.dropped += dropped

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from puretf import exact_time, SECOND, shortened, TransformBuffer, TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
-from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
@@ -213,14 +213,11 @@ def _print_summary(trajectory: Trajectory, path: Optional[Path], some: str) -> N
 
 def _output_path(output: str, twist: bool) -> Path:
     """Return the path of a file, after a check that it can be written in its format."""
-    path = Path(output)
+    path = path_to_write(output, (*TABLES, *DRAWINGS))
     ending = path.suffix.lower()
-    if ending not in (*TABLES, *DRAWINGS) or output.endswith('/'):
-        raise UsageError(f'{output!r} must end in {", ".join((*TABLES, *DRAWINGS))}')
     if twist and ending == '.tum':
         raise UsageError('a .tum file has no place for velocities: leave out --twist, or write '
                          f'another format than {output!r}')
-    check_writable(path)
     if ending in DRAWINGS:
         os.environ['MPLBACKEND'] = 'agg'  # another one might be missing, and no window is opened
         try:
@@ -331,7 +328,12 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     """Draw positions, angles and velocities over time, and the path from above."""
     from matplotlib.figure import Figure
     stamps, values = (np.concatenate(each) for each in zip(*trajectory.parts()))
-    _check_drawable(trajectory, stamps, values)
+    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
+        row, column = too_large[0]
+        raise CommandError(
+            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
+            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
+            f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
     style = {'linewidth': 1.2, 'marker': '.' if trajectory.count < 100 else ''}
     panels = 4 if trajectory.has_twist else 2
     figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
@@ -351,16 +353,6 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
         warnings.simplefilter('ignore')  # names may have characters that the font does not have
         figure.savefig(drawing, format=ending[1:], dpi=110)
     path.write_bytes(drawing.getvalue())
-
-
-def _check_drawable(trajectory: Trajectory, stamps: NDArray[np.int64],
-                    values: NDArray[np.float64]) -> None:
-    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
-        row, column = too_large[0]
-        raise CommandError(
-            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
-            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
-            f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
 
 
 def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray[np.float64],

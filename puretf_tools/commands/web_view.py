@@ -11,7 +11,7 @@ from typing import Optional, TYPE_CHECKING
 from puretf import namespace_path, visible
 from puretf.bag import BagError
 from puretf_tools.cli.bag_options import add_bag_options, read_bag
-from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import BAR, listen, listening_time, progress
@@ -31,7 +31,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
     if duration is not None and export is None:
         raise UsageError('--time needs --export')
-    path = None if export is None else _html_path(export)
+    path = None if export is None else path_to_write(export, ['.html'])
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if buffer := read_bag(bag, namespace, partial):
         feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
@@ -118,14 +118,6 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
     with whole_file(path) as part:
         part.write_text(page, encoding='utf-8')
     print(f'wrote {visible(str(path))}: {duration:.1f} s')
-
-
-def _html_path(export: str) -> Path:
-    path = Path(export)
-    if path.suffix.lower() != '.html' or export.endswith('/'):
-        raise UsageError(f'{export!r} must end in .html')
-    check_writable(path)
-    return path
 
 
 def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str],

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import takewhile
-from typing import NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from puretf import exact_time, Frame, in_seconds, shortened, visible
 from puretf_tools.inspection.forest import self_and_ancestors
@@ -23,6 +23,13 @@ class Explanation(NamedTuple):
     roots: tuple[str, str]  #: the roots above the two frames; if they meet, the meeting frame
     why_not: str  #: why there is no transform; '': there is one
     age: str = ''  #: how old the transform is, in words; '': not known
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values, as in the JSON of `tf_doctor`."""
+        return {'frames': self.ends, 'time': self.stamp, 'roots': self.roots,
+                'why_not': self.why_not, 'path': [
+                    {**frame._asdict(), 'refusal': self.refusals[frame.name]}
+                    for frame in self.path]}
 
     def __str__(self) -> str:
         """Return the edges, and whether there is a transform."""

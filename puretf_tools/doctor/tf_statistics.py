@@ -198,7 +198,9 @@ class Statistics(Counts):
             if not table.is_static:
                 self._keep(numbers, times, stamps[is_timed])
             if offset is not None:
-                _add_times(values, times + offset)
+                first = values['first_time']
+                values['first_time'] = np.where(first == 0, (times + offset).min(), first)
+                values['last_time'] = np.maximum(values['last_time'], (times + offset).max())
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
 
@@ -293,8 +295,7 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
         rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
         bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
         indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
-        values['jumps'] += np.bincount(
-            indices + columns * _JUMPS, minlength=moves.shape[1] * _JUMPS).reshape(-1, _JUMPS)
+        np.add.at(values['jumps'], (columns, indices), 1)
     values['usual_speed'] = np.maximum(values['usual_speed'], usual.max(axis=0))
 
 
@@ -326,10 +327,9 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     values['backwards'] += (steps < 0).sum(axis=0)
     _keep_largest(values, largest_step=steps, largest_step_at=before)
     _keep_largest(values, step_back=-steps, step_back_at=before)
-    forward, columns = steps > 0, np.arange(steps.shape[1])
-    bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
-    indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]
-    values['steps'] += np.bincount(indices, minlength=len(columns) * _BINS).reshape(-1, _BINS)
+    rows, columns = np.nonzero(steps > 0)
+    bins = np.ceil(np.log2(np.maximum(steps[rows, columns] / _FIRST_BIN, 1.0)) * _BINS_PER_OCTAVE)
+    np.add.at(values['steps'], (columns, np.minimum(bins, _BINS - 1).astype(np.int64)), 1)
 
 
 def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:
@@ -339,9 +339,3 @@ def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:
     is_larger = np.take_along_axis(columns[first], at, 0)[0] > values[first]
     for name, column in columns.items():
         values[name] = np.where(is_larger, np.take_along_axis(column, at, 0)[0], values[name])
-
-
-def _add_times(values: Any, times: NDArray[np.int64]) -> None:
-    is_new = values['first_time'] == 0
-    values['first_time'] = np.where(is_new, times.min(), values['first_time'])
-    values['last_time'] = np.maximum(values['last_time'], times.max())

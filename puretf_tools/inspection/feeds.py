@@ -59,16 +59,11 @@ class OtherTopic(NamedTuple):
     parents: Mapping[str, str]  #: by child: the newest parent
     nodes: Sequence[str]  #: the full names of the nodes that have sent them
 
-    @property
-    def base(self) -> str:
-        """The topic of the dynamic transforms that belongs to this one."""
-        return self.topic.removesuffix('_static')
-
 
 class Half(NamedTuple):
     """Topics whose transforms continue the tree on others."""
 
-    base: str  #: `OtherTopic.base` of all topics
+    base: str  #: the topic of the dynamic transforms among these topics
     topics: list[str]
     nodes: list[str]
     frames: set[str]
@@ -109,10 +104,10 @@ def halves(parents: Mapping[str, str], base: str, others: Sequence[OtherTopic]) 
 
 
 def _by_distance(others: Sequence[OtherTopic], base: str) -> list[tuple[str, list[OtherTopic]]]:
-    """Group topics by `base`, the nearest ones first."""
+    """Group topics by that of the dynamic transforms, the nearest ones first."""
     groups: dict[str, list[OtherTopic]] = {}
     for other in others:
-        groups.setdefault(other.base, []).append(other)
+        groups.setdefault(other.topic.removesuffix('_static'), []).append(other)
     return sorted(groups.items(), key=lambda item: (
         namespace_distance(*(name.rpartition('/')[0] for name in (item[0], base))), item[0]))
 

@@ -1,7 +1,7 @@
 """Arrange the frames of a buffer into trees and loops."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import NamedTuple, Optional, TypeVar
+from typing import Any, NamedTuple, Optional, TypeVar
 
 from puretf import Frame
 
@@ -109,9 +109,13 @@ def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
             name = frames[name].parent
 
 
-def descend(frames: Mapping[str, Frame], known: Mapping[str, _Value],
+def descend(frames: Mapping[str, Any], known: Mapping[str, _Value],
             child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
-    """Add the values of all descendants, each from its name and the value of its parent."""
+    """
+    Add the values of all descendants, each from its name and the value of its parent.
+
+    :param frames: by name: a `Frame`, or another object with the name of its `parent`.
+    """
     values = dict(known)
     for name in frames:
         path: dict[str, None] = {}

@@ -110,7 +110,11 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
                 with suppress(subprocess.TimeoutExpired):
                     drawing, errors = process.communicate(timeout=_STEP)
         except BaseException:
-            _kill(process)
+            if sys.platform == 'win32':
+                process.kill()
+            else:  # before version 2, pygraphviz starts the program dot as another process
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
             raise
     if process.returncode or not drawing:
         # The last line is the error; the lines before it may be warnings of fontconfig.
@@ -118,13 +122,3 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
         raise DrawingError('graphviz cannot draw this: '
                            f'{lines[-1] if lines else f"exit code {process.returncode}"}')
     return drawing
-
-
-def _kill(process: 'subprocess.Popen[bytes]') -> None:
-    # Before version 2, pygraphviz starts the program dot as another process.
-    if sys.platform == 'win32':
-        process.kill()
-    else:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    process.wait()

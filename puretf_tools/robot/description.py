@@ -14,6 +14,8 @@ from xml.parsers import expat
 
 from puretf import abbreviated, comma_list, quoted, suggest_names, visible
 from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.inspection.forest import descend
 
 #: x, y, z (m) and the quaternion x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
@@ -66,7 +68,7 @@ _NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, 
 _lock = Lock()
 
 
-class DescriptionError(ValueError):
+class DescriptionError(UsageError):
     """A description that is refused; the text is one line."""
 
 
@@ -406,10 +408,10 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
           ) -> tuple[str, dict[str, Joint]]:
     """Return the root and, by link, the joint to its parent, or refuse what is not a tree."""
     parents: dict[str, Joint] = {}
-    children: dict[str, list[str]] = {link: [] for link in links}
+    known = {*links}
     for joint in sorted(joints, key=lambda joint: joint.name):
         for role, link in ('parent', joint.parent), ('child', joint.child):
-            if link not in children:
+            if link not in known:
                 _refuse(f'joint {quoted(joint.name)}: the {role} {quoted(link)} is not a link of '
                         'the robot: write <link name="..."/>, or correct the name. '
                         f'{suggest_names(link, tuple(links), "links")}')
@@ -426,13 +428,7 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
     if len(roots) > 1:
         _refuse(f'the robot has {len(roots)} roots, {comma_list(roots, 5, quoted)}: connect them '
                 'by joints to one tree')
-    for joint in parents.values():
-        children[joint.parent].append(joint.child)
-    reached = roots.copy()
-    for link in reached:
-        reached += children[link]
-    if len(reached) < len(links):
-        loop = sorted({*links}.difference(reached))
+    if loop := sorted(known - descend(parents, {roots[0]: None}, lambda *_: None).keys()):
         _refuse(f'joints form a loop, so that these links are not below the root '
                 f'{quoted(roots[0])}: {comma_list(loop, 5, quoted)}')
     return roots[0], parents

@@ -164,9 +164,8 @@ class LiveFeed(Feed):
         summary = next((each.summary for each in nodes if each.node == publisher), None)
         if len(several := [each.node for each in nodes if each.is_present]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'
-        if summary is None:
-            return Publication(None, None, publisher)
-        return Publication(summary.rate, summary.average_delay, publisher)
+        hertz, delay, _ = summary or (None, None, None)
+        return Publication(hertz, delay, publisher)
 
     def topics_hint(self) -> str:
         return self._frame_listener.topics_hint()

@@ -33,11 +33,9 @@ class HandPublisher:
         message = TransformStamped(child_frame_id=name)
         message.header.frame_id = transform.frame_id
         message.header.stamp = node.get_clock().now().to_msg()
-        for part, axes, values in (
-                (message.transform.translation, 'xyz', transform.translation),
-                (message.transform.rotation, 'xyzw', transform.rotation)):
-            for axis, value in zip(axes, values):
-                setattr(part, axis, value)
+        t, r = message.transform.translation, message.transform.rotation
+        t.x, t.y, t.z = transform.translation
+        r.x, r.y, r.z, r.w = transform.rotation
         if name not in self._broadcasters:
             self._broadcasters[name] = owner, StaticTransformBroadcaster(node)
         try:

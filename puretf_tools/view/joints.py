@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from math import degrees, floor, log10, radians
+from math import degrees, floor, log10
 from typing import Any, Optional
 
 import viser
@@ -25,25 +25,23 @@ class _Slider:
     """The slider of a joint, in m or degrees."""
 
     def __init__(self, gui: viser.GuiApi, joint: Joint, position: float) -> None:
-        self.joint, self._is_linear = joint, joint.kind == 'prismatic'
-        lower, upper = map(self._value, bounds(joint))
+        self.joint, is_linear = joint, joint.kind == 'prismatic'
+        self._scale = 1.0 if is_linear else degrees(1.0)
+        lower, upper = (bound * self._scale for bound in bounds(joint))
         width = upper - lower if upper - lower > 1e-9 else 1.0
         self._digits = max(0, _STEPS - 1 - floor(log10(width)))
         self.shown = self._rounded(position)
-        name, unit = abbreviated(joint.name, _LONGEST_NAME), 'm' if self._is_linear else '°'
+        name, unit = abbreviated(joint.name, _LONGEST_NAME), 'm' if is_linear else '°'
         self.handle = gui.add_slider(
             f'{visible(name)} ({unit})', round(lower, self._digits),
             round(upper, self._digits), 10.0**-self._digits, self.shown)
 
-    def _value(self, position: float) -> float:
-        return position if self._is_linear else degrees(position)
-
     def _rounded(self, position: float) -> float:
-        return round(self._value(position), self._digits)
+        return round(position * self._scale, self._digits)
 
     def position(self, value: float) -> float:
         """Return the position (rad or m) of a value."""
-        return value if self._is_linear else radians(value)
+        return value / self._scale
 
     def show(self, position: float) -> None:
         if self.shown != (value := self._rounded(position)):
