@@ -6,7 +6,7 @@ import re
 
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from model import compare_many_with_single, Loop, matrix, Model
+from model import are_equal, compare_many_with_single, Loop, matrix, Model, outcome
 import numpy as np
 import pytest
 from transforms3d import quaternions
@@ -41,22 +41,6 @@ inserts = st.tuples(
     st.sampled_from([False, False, False, True])).filter(lambda insert: insert[1] != insert[2])
 times = st.one_of(st.just(0), st.integers(-1, 61).map(lambda n: START + n * S // 20))
 names = st.sampled_from([*FRAMES, 'nobody'])
-
-
-def outcome(lookup, *arguments):
-    """Return the stamp and the matrix of an answer, or the name of the exception."""
-    try:
-        answer = lookup(*arguments)
-    except TransformException as error:
-        return type(error).__name__
-    return answer.stamp, answer.matrix()
-
-
-def are_equal(answer, expected):
-    """Return True if two outcomes are equal."""
-    if isinstance(answer, str) or isinstance(expected, str):
-        return answer == expected
-    return answer[0] == expected[0] and np.allclose(answer[1], expected[1], rtol=0, atol=1e-9)
 
 
 queries = st.tuples(names, names, names, times, times)
