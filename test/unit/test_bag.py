@@ -347,8 +347,8 @@ def test_times_in_no_order(tmp_path, kind):
                 bags.row(0, 'map', f'still_{number % 3}', at(number))]),
             *texts(kind, 1, 300_000)]  # so that there are several chunks
     for topic, _, rows, *_ in sorted(content, key=lambda message: message[1]):
-        for row in rows if topic != '/text' else ():
-            buffer.insert(*row, 'not recorded', topic == '/tf_static')
+        for stamp, parent, child, pose in rows if topic != '/text' else ():
+            buffer.insert(stamp, parent, child, pose, 'not recorded', topic == '/tf_static')
     assert read(bags.make(tmp_path, kind, content)).dump() == buffer.dump()
 
 

@@ -136,7 +136,8 @@ def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_befo
     for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
         buffer = turning(np.multiply(before, signs[0]), np.multiply(after, signs[1]))
         matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
-    assert np.allclose(*matrices, rtol=0, atol=1e-9)
+    one, other = matrices
+    assert np.allclose(one, other, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize('rotation', HALF_TURNS)
