@@ -74,12 +74,15 @@ def glb(text, numbers=b''):
 
 @pytest.fixture
 def page():
-    """A function that creates the page of descriptions by topic, and a viewer of it."""
+    """A function that creates the page of one or more robots with some shapes, and a viewer."""
     with ExitStack() as stack:
-        def create(buffer, descriptions, meshes=()):
+        def create(buffer, robots, meshes=(), shapes=0):
             feed = BagFeed(buffer, 'bag')
-            feed.robots = descriptions
-            return Page(feed, [1000.0], stack, meshes)
+            feed.robots = robots if isinstance(robots, dict) else {'/robot_description': robots}
+            page = Page(feed, [1000.0], stack, meshes)
+            if shapes:
+                page.until(lambda: len(drawn(page)) == shapes)
+            return page
 
         yield create
 
@@ -108,8 +111,7 @@ def test_the_shapes_of_a_link(page):
         'a/b', ('<box size="1 2 3"/>', 'xyz="4 5 6"', '1 0.5 0 1'),
         ('<cylinder radius="0.5" length="2"/>', 'rpy="1.5707963267948966 0 0"', '0 0 1 0.5'),
         ('<sphere radius="0.25"/>',)))
-    shown = page(buffer_of('map base', 'base a/b'), {'/robot_description': body})
-    shown.until(lambda: len(drawn(shown)) == 3)
+    shown = page(buffer_of('map base', 'base a/b'), body, shapes=3)
     box, cylinder, sphere = drawn(shown)
     assert [*box['dimensions']] == [1, 2, 3]
     assert [*box['position']] == [4, 5, 6]
@@ -133,8 +135,7 @@ def test_a_body_moves(page):
     buffer.insert(T, 'base', 'arm', (1.0, 0, 0, 0, 0, 0, 1))
     buffer.insert(T + 9 * S, 'base', 'arm', (10.0, 0, 0, 0, 0, 0, 1))
     body = spheres('base', 'arm')
-    shown = page(buffer, {'/robot_description': body})
-    shown.until(lambda: len(drawn(shown)) == 2)
+    shown = page(buffer, body, shapes=2)
     base, arm = (shown.viewer.nodes[name] for name in parts(shown))
     base.pop('position')
     shown.set('Pause', True)
@@ -148,7 +149,7 @@ def test_collision_shapes_and_opacity(page):
     box = '<box size="1 1 1"/>'
     body = robot(link('base', (box, '', '1 0 0 0.5')),
                  link('arm', (box, '', '1 0 0 1'), kind='collision'))
-    shown = page(buffer_of('map base', 'base arm'), {'/robot_description': body})
+    shown = page(buffer_of('map base', 'base arm'), body)
     shown.until(lambda: len(drawn(shown)) == 1 and shown.viewer.text('robot'))
     shown.set('Collision', True)
     shown.until(lambda: len(drawn(shown)) == 2)
@@ -172,8 +173,7 @@ def test_a_link_is_drawn_where_its_frame_is(page):
     buffer.insert(T, 'base', 'arm', (1.0, 0, 0, 0, 0, 0, 1))
     buffer.insert(T + 60 * S, 'base', 'other', (1.0, 0, 0, 0, 0, 0, 1))
     body = spheres('base', 'arm', 'lost')
-    shown = page(buffer, {'/robot_description': body})
-    shown.until(lambda: len(drawn(shown)) == 2)
+    shown = page(buffer, body, shapes=2)
     says(shown, '2 of 3 links have a frame')
     shown.set('Exclude', 'base')
     shown.until(lambda: len(drawn(shown)) == 1)
@@ -188,8 +188,7 @@ def test_a_link_is_drawn_where_its_frame_is(page):
 def test_a_click_on_a_body_selects_the_frame(page):
     """As a click on the axes does."""
     body = spheres('base', 'arm')
-    shown = page(buffer_of('map r/base', 'r/base r/arm'), {'/r/robot_description': body})
-    shown.until(lambda: len(drawn(shown)) == 2)
+    shown = page(buffer_of('map r/base', 'r/base r/arm'), {'/r/robot_description': body}, shapes=2)
     shown.until(lambda: shown.viewer.detail('parent') == 'r/base')
     base, _ = parts(shown)
     shown.viewer.send({**CLICK, 'name': f'{base}/0', 'instance_index': None,
@@ -202,8 +201,7 @@ def test_two_robots(page):
     sphere = ('<sphere radius="1"/>',)
     shown = page(buffer_of('map r1/base', 'r1/base r1/arm', 'r1/arm r2/base'), {
         f'/{name}/robot_description': robot(link('base', sphere), link('arm'), name=name)
-        for name in ('r1', 'r2')})
-    shown.until(lambda: len(drawn(shown)) == 2)
+        for name in ('r1', 'r2')}, shapes=2)
     places = [tuple(np.round(shown.viewer.nodes[name]['position'], 6)) for name in parts(shown)]
     assert places == [(1, 0, 0), (0, 1, 0)]
     for name, count in ('r1', 2), ('r2', 1):
@@ -255,8 +253,7 @@ def test_odd_sizes_are_drawn(page):
     """A browser gets no number that would be infinite in float32, and not too many shapes."""
     body = robot(link('base', *[('<box size="1e300 -1 0"/>', 'xyz="1e300 0 0"')] * (
         MAX_SHAPES + 1)))
-    shown = page(buffer_of('map base'), {'/robot_description': body})
-    shown.until(lambda: len(drawn(shown)) == MAX_SHAPES)
+    shown = page(buffer_of('map base'), body, shapes=MAX_SHAPES)
     assert np.isfinite(np.array([*drawn(shown)[0]['dimensions'], *drawn(shown)[0]['position']],
                                 np.float32)).all()
     says(shown, f'only {MAX_SHAPES} of {MAX_SHAPES + 1} shapes are drawn')
@@ -268,8 +265,7 @@ def test_a_mesh(page, tmp_path):
     (tmp_path / 'pkg' / 'a b.STL').write_bytes(stl(TRIANGLE))
     body = robot(link('base', ('<mesh filename="package://pkg/a%20b.STL" scale="1 -2 3"/>', '',
                                '0 1 0 1')))
-    shown = page(buffer_of('map base'), {'/robot_description': body}, [str(tmp_path)])
-    shown.until(lambda: len(drawn(shown)) == 1)
+    shown = page(buffer_of('map base'), body, [str(tmp_path)], shapes=1)
     (mesh,) = drawn(shown)
     assert sorted(mesh['vertices'].reshape(-1, 3).tolist()) == sorted(TRIANGLE)
     assert mesh['faces'].size == 3
@@ -283,8 +279,7 @@ def test_missing_meshes(page, tmp_path, monkeypatch):
     body = robot(link('base', ('<mesh filename="package://pkg/a.stl" scale="9 9 9"/>',),
                       ('<mesh filename="http://localhost/&lt;a&gt;.stl"/>',)),
                  link('arm', ('<sphere radius="1"/>',)))
-    shown = page(buffer_of('map base', 'base arm'), {'/robot_description': body}, [str(tmp_path)])
-    shown.until(lambda: len(drawn(shown)) == 3)
+    shown = page(buffer_of('map base', 'base arm'), body, [str(tmp_path)], shapes=3)
     boxes = [shape for shape in drawn(shown) if 'dimensions' in shape]
     for box in boxes:
         assert [*box['dimensions']] == [0.1] * 3
@@ -395,8 +390,7 @@ def test_a_robot_of_too_many_triangles(page, tmp_path, monkeypatch):
     monkeypatch.setattr(body_module, 'MAX_TRIANGLES', 1)
     (tmp_path / 'a.stl').write_bytes(stl(TRIANGLE))
     body = robot(link('base', *[(f'<mesh filename="file://{tmp_path}/a.stl"/>',)] * 2))
-    shown = page(buffer_of('map base'), {'/robot_description': body}, [str(tmp_path)])
-    shown.until(lambda: len(drawn(shown)) == 2)
+    shown = page(buffer_of('map base'), body, [str(tmp_path)], shapes=2)
     assert sum('dimensions' in shape for shape in drawn(shown)) == 1
     says(shown, 'more than 1 triangles')
 

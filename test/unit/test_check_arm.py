@@ -257,13 +257,17 @@ def test_resume(tmp_path, monkeypatch, capsys, failed):
         '--resume\n')
 
 
+def write_pdf(path, pages):
+    """Write a PDF of blank pages."""
+    writer = pytest.importorskip('pypdf').PdfWriter()
+    for _ in range(pages):
+        writer.add_blank_page(100, 100)
+    writer.write(path)
+
+
 def test_a_drawing_of_many_pages(tmp_path, capsys):
     """It is refused."""
-    pypdf = pytest.importorskip('pypdf')
-    writer = pypdf.PdfWriter()
-    for _ in range(21):
-        writer.add_blank_page(100, 100)
-    writer.write(tmp_path / 'frames.pdf')
+    write_pdf(tmp_path / 'frames.pdf', 21)
     assert main(['--frames', str(tmp_path / 'frames.pdf')]) == 1
     assert capsys.readouterr().out.endswith(
         'not ok: It has 21 pages: the drawing of an arm has one.\n')
@@ -272,10 +276,7 @@ def test_a_drawing_of_many_pages(tmp_path, capsys):
 @on_unix
 def test_ctrl_c_while_a_drawing_is_read(tmp_path):
     """It is heeded before the next page."""
-    pypdf = pytest.importorskip('pypdf')
-    writer = pypdf.PdfWriter()
-    writer.add_blank_page(100, 100)
-    writer.write(tmp_path / 'frames.pdf')
+    write_pdf(tmp_path / 'frames.pdf', 1)
     handlers = record_signals()
     try:
         os.kill(os.getpid(), signal.SIGINT)

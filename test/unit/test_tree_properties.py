@@ -6,7 +6,7 @@ import re
 
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from model import compare_many_with_single, Loop, matrix, Model
+from model import are_equal, compare_many_with_single, Loop, matrix, Model, outcome
 import numpy as np
 import pytest
 from transforms3d import quaternions
@@ -41,22 +41,6 @@ inserts = st.tuples(
     st.sampled_from([False, False, False, True])).filter(lambda insert: insert[1] != insert[2])
 times = st.one_of(st.just(0), st.integers(-1, 61).map(lambda n: START + n * S // 20))
 names = st.sampled_from([*FRAMES, 'nobody'])
-
-
-def outcome(lookup, *arguments):
-    """Return the stamp and the matrix of an answer, or the name of the exception."""
-    try:
-        answer = lookup(*arguments)
-    except TransformException as error:
-        return type(error).__name__
-    return answer.stamp, answer.matrix()
-
-
-def are_equal(answer, expected):
-    """Return True if two outcomes are equal."""
-    if isinstance(answer, str) or isinstance(expected, str):
-        return answer == expected
-    return answer[0] == expected[0] and np.allclose(answer[1], expected[1], rtol=0, atol=1e-9)
 
 
 queries = st.tuples(names, names, names, times, times)
@@ -152,7 +136,8 @@ def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_befo
     for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
         buffer = turning(np.multiply(before, signs[0]), np.multiply(after, signs[1]))
         matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
-    assert np.allclose(matrices[0], matrices[1], rtol=0, atol=1e-9)
+    one, other = matrices
+    assert np.allclose(one, other, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize('rotation', HALF_TURNS)
