@@ -214,7 +214,7 @@ def test_after_clear_nothing_old_is_due(setup):
 
 def test_several_threads():
     """Every message is ready exactly once, whatever the order of messages and transforms."""
-    setup, number, outcomes = Setup(cache=10**6), 400, []
+    setup, number, outcomes = Setup(cache=10**9), 400, []  # keeps 10 000 samples
 
     def put(offset):
         for stamp in range(offset, number + 1, 4):
