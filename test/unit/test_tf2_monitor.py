@@ -82,7 +82,7 @@ def test_lines():
         '  tool                      last received 71.3 s ago  /silent',
         '  tool                                                /uncounted',
         '',
-        'All Broadcasters:       rate   average delay     max delay  node',
+        'All Broadcasters:       rate   average delay     max delay        node',
         '                        ? Hz -1000000.500000 s 12345678.250000 s  /arm']
 
 

@@ -729,7 +729,7 @@ def test_a_viewer_that_leaves_publishes_no_more(page):
         sent, stopped = [], []
 
         def send(self, transform, owner):
-            self.sent.append(transform.name)
+            self.sent.append(transform.child_frame_id)
             return ''
 
         def stop(self, name):
