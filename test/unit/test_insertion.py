@@ -279,15 +279,16 @@ ANY, LATER = range(1000), (2 * 10**9, 2 * 10**9 + 1)
 
 
 @pytest.mark.parametrize(('limits', 'before', 'put', 'rows', 'kept', 'step'), [
-    *(({'cache_time': 50 * S}, before, put, rows_at(*seconds, parent=parent), ANY, 3)
+    *(pytest.param({'cache_time': 50 * S}, before, put, rows_at(*seconds, parent=parent), ANY, 3,
+                   id=f'{seconds} below {parent} {put.__name__}, {len(before)} before')
       for parent in 'ab' for before, put, seconds in (
           (FIRST, by_calls, [60]), (FIRST, by_messages, [60, 61, 62]),
           (FIRST, by_messages, [58.5]), (SEVERAL, by_messages, [200]),
           (SEVERAL, by_calls, [200]))),
-    # The oldest samples expire, or exceed `max_samples`, or are of one stamp.
-    ({'cache_time': 30_000}, OF_THREE, by_calls, MORE, range(20, 66), 97),
-    ({'max_samples': 40}, OF_THREE, by_calls, MORE, range(20, 66), 97),
-    ({}, of_three(0, 101, 0), by_calls, of_three(101, 104, 0), (99, 100), 97)])
+    *(pytest.param(limits, OF_THREE, by_calls, MORE, range(20, 66), 97, id=f'{limits}')
+      for limits in ({'cache_time': 30_000}, {'max_samples': 40})),
+    pytest.param({}, of_three(0, 101, 0), by_calls, of_three(101, 104, 0), (99, 100), 97,
+                 id='one stamp')])
 def test_ctrl_c_leaves_each_sample_its_stamp_and_parent(limits, before, put, rows, kept, step):
     """What is inserted may be lost; more can be inserted afterwards."""
     buffer = TransformBuffer()

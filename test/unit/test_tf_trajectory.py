@@ -288,7 +288,7 @@ def test_angles_are_those_of_rotations(quaternions):
     ((0.3, pi / 2, 0.2), [0.1, pi / 2, 0.0], 1e-12),
     ((0.3, -pi / 2, 0.2), [0.5, -pi / 2, 0.0], 1e-12),
     *((angles, [*angles], 1e-15) for angle in (0.0, pi / 2, pi, -pi / 2, 3.0, -3.0)
-      for angles in ((angle, 0.0, 0.0), (0.0, 0.0, angle)))])
+      for angles in ((angle, 0.0, 0.0), (0.0, 0.0, angle)))], ids=str)
 def test_angles_of_single_rotations(given, expected, within):
     """They are in (-pi, pi], for both signs of the quaternion; a table has no -0.0."""
     quaternion = np.array([quaternion_from_euler(*given)])
