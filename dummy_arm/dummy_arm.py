@@ -34,8 +34,9 @@ from puretf import (
     Transform,
     TransformBroadcaster,
 )
+from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
+from puretf_tools.cli.parser import Parser, run, UsageError
 
 MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).

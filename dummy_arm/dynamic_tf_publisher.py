@@ -23,8 +23,9 @@ from rclpy.parameter import Parameter
 
 from puretf import Transform, TransformBroadcaster
 from puretf.rotations import quaternion_from_euler
+from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
+from puretf_tools.cli.parser import Parser, run, UsageError
 
 #: The values of the parameter `rotation`.
 ROTATIONS = ('identity', 'quaternion', 'euler')

@@ -13,20 +13,20 @@ if TYPE_CHECKING:
     from puretf._core.frames import Frame as Frame
     from puretf._core.frames import is_too_long as is_too_long
     from puretf._core.frames import LONGEST_NAME as LONGEST_NAME
+    from puretf._core.similar_names import is_slip as is_slip
+    from puretf._core.similar_names import may_be_one_robot as may_be_one_robot
+    from puretf._core.similar_names import near_names as near_names
+    from puretf._core.similar_names import suggest_names as suggest_names
     from puretf._core.texts import abbreviated as abbreviated
     from puretf._core.texts import comma_list as comma_list
     from puretf._core.texts import full_name as full_name
-    from puretf._core.texts import is_slip as is_slip
     from puretf._core.texts import LONGEST as LONGEST
-    from puretf._core.texts import may_be_one_robot as may_be_one_robot
     from puretf._core.texts import namespace_distance as namespace_distance
     from puretf._core.texts import namespace_path as namespace_path
-    from puretf._core.texts import near_names as near_names
     from puretf._core.texts import quoted as quoted
     from puretf._core.texts import SECTION_NAMES as SECTION_NAMES
     from puretf._core.texts import see as see
     from puretf._core.texts import shortened as shortened
-    from puretf._core.texts import suggest_names as suggest_names
     from puretf._core.texts import TF_MESSAGE as TF_MESSAGE
     from puretf._core.texts import visible as visible
     from puretf._core.times import display_time as display_time
@@ -71,10 +71,10 @@ if TYPE_CHECKING:
 #: The public names of each module.
 _NAMES = {
     '_core.frames': 'dot_quoted Frame is_too_long LONGEST_NAME',
+    '_core.similar_names': 'is_slip may_be_one_robot near_names suggest_names',
     '_core.texts':
-        'abbreviated comma_list full_name is_slip LONGEST may_be_one_robot namespace_distance '
-        'namespace_path near_names quoted SECTION_NAMES see shortened suggest_names TF_MESSAGE '
-        'visible',
+        'abbreviated comma_list full_name LONGEST namespace_distance namespace_path quoted '
+        'SECTION_NAMES see shortened TF_MESSAGE visible',
     '_core.times': 'display_time exact_time in_seconds SECOND',
     '_ros.messages': 'TFMessage',
     'buffer': 'Buffer',

@@ -9,6 +9,7 @@ from weakref import ref
 from puretf._core import hints, texts
 from puretf._core.frames import as_string
 from puretf._core.history import History
+from puretf._core.similar_names import is_slip
 from puretf._core.tree import END, FrameTree
 from puretf.exceptions import (
     ConnectivityException,
@@ -143,7 +144,7 @@ def _slip(tree_ref: ref[FrameTree], names: tuple[str, ...], *roots: str) -> str:
     if tree is not None:
         for root, other in roots, roots[::-1]:
             for name in names[:_MAX_SLIPS]:
-                if texts.is_slip(root, name) and other in tree.all_ancestors(name):
+                if is_slip(root, name) and other in tree.all_ancestors(name):
                     return hints.slip(name, root)
     return ''
 

@@ -9,15 +9,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, Optional
 
+from puretf._core.similar_names import difference, may_be_one_robot, suggest_names
 from puretf._core.texts import (
     comma_list,
-    difference,
     MAX_TOPICS,
-    may_be_one_robot,
     quoted,
     see,
     shortened,
-    suggest_names,
     TF_MESSAGE,
 )
 from puretf._core.times import exact_time, SECOND

@@ -7,7 +7,8 @@ from typing import Optional
 
 from puretf import TransformBuffer
 from puretf.bag import BagError, is_bag, read
-from puretf_tools.cli.parser import add_namespace_option, CommandError, Parser, UsageError
+from puretf_tools.cli.namespace_option import add_namespace_option
+from puretf_tools.cli.parser import CommandError, Parser, UsageError
 from puretf_tools.cli.progress import progress
 
 

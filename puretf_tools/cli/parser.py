@@ -47,13 +47,6 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
 
 
-def add_namespace_option(parser: argparse.ArgumentParser, what: str, *topics: str) -> None:
-    """Add `--namespace`; the help says what the command does with the topics (default: TF's)."""
-    parser.add_argument('--namespace', default='', metavar='NAME',
-                        help=f'{what} ' + ' and '.join(
-                            f'/NAME/{topic}' for topic in topics or ('tf', 'tf_static')))
-
-
 def number(text: str) -> float:
     """Convert an argument to a finite number."""
     try:

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from typing import Optional
 
+from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.page_options import add_page_options, HOST
-from puretf_tools.cli.parser import add_namespace_option, Parser, run
+from puretf_tools.cli.parser import Parser, run
 from puretf_tools.robot.description import parse, read
 from puretf_tools.robot.descriptions import TOPIC
 

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Optional
 
+from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
+from puretf_tools.cli.parser import Parser, run, UsageError
 from puretf_tools.robot import read
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 

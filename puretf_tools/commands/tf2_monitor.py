@@ -6,7 +6,8 @@ from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
 from puretf import in_seconds, SECOND, shortened, TransformException, visible
-from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
+from puretf_tools.cli.namespace_option import add_namespace_option
+from puretf_tools.cli.parser import Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
 from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import NodeTraffic, Traffic, WINDOW

@@ -12,7 +12,7 @@ from messages import fail_on_error, written
 import pytest
 
 from puretf import abbreviated, shortened, TransformBuffer, TransformException, visible
-from puretf._core import texts
+from puretf._core import similar_names
 from puretf._core.engine import engine_of
 from puretf._core.frames import as_string, Frame
 from puretf._core.history import History
@@ -339,10 +339,10 @@ def compared(monkeypatch):
         lists.append(names)
         return [other for other in names if other.startswith(name)][:number]
 
-    monkeypatch.setattr(texts, 'get_close_matches', get_close_matches)
-    texts.suggest_names.cache_clear()
+    monkeypatch.setattr(similar_names, 'get_close_matches', get_close_matches)
+    similar_names.suggest_names.cache_clear()
     yield lists
-    texts.suggest_names.cache_clear()
+    similar_names.suggest_names.cache_clear()
 
 
 def error_text(buffer, name):
