@@ -20,8 +20,8 @@ def in_child(work, meanwhile):
     assert status == 0, status
 
 import rclpy
-from puretf import Buffer, TransformBroadcaster, TransformException, TransformListener
-from puretf.buffer_core import to_message
+from puretf import (Buffer, Transform, TransformBroadcaster, TransformException,
+                    TransformListener)
 from rclpy.duration import Duration
 from rclpy.time import Time
 
@@ -34,8 +34,8 @@ number = 0
 def send():
     global number
     number += 1
-    broadcaster.sendTransform(to_message('map', 'tool', (
-        100 * 10**9 + number, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))))
+    broadcaster.sendTransform(Transform(
+        100 * 10**9 + number, 'map', 'tool', (float(number), 0.0, 0.0)).to_message())
 def x():
     return buffer.lookup_transform('map', 'tool', Time()).transform.translation.x
 while not buffer.can_transform('map', 'tool', Time()):
@@ -71,8 +71,7 @@ def look():
     os.read(reading, 1)  # meanwhile, the parent has received more
     assert x() == before
     assert not buffer.can_transform('map', 'late', Time(), Duration(seconds=0.2))
-    buffer.set_transform(to_message('map', 'late', (
-        100 * 10**9, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'child')
+    buffer.set_transform(Transform(100 * 10**9, 'map', 'late').to_message(), 'child')
     assert buffer.can_transform('map', 'late', Time())
     assert not waiting.done() and not kept.done()
     try:
@@ -100,8 +99,7 @@ try:
 finally:
     ends = True
     sender.join()
-buffer.set_transform(to_message('map', 'late', (
-    100 * 10**9, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'parent')
+buffer.set_transform(Transform(100 * 10**9, 'map', 'late').to_message(), 'parent')
 thread.join(60)
 assert len(blocked) == 1
 assert waiting.done() and kept.done()
