@@ -78,8 +78,7 @@ class BufferBase:
         They do not wait, even if they have a timeout.
         """
         self._engine.update_for_user()
-        lock: AbstractContextManager[Any] = self._engine.lock
-        return lock
+        return self._engine.lock
 
     def why_not(self, target_frame: str, source_frame: str, time: int, has_hint: bool = True
                 ) -> str:
@@ -221,7 +220,7 @@ class BufferBase:
         """
         with self._engine.reading():
             states = self._engine.tree.states(until)
-        return [Frame(name, *state) for name, state in states]
+        return [Frame(name, *state) for name, state, _ in states]
 
     def all_frames_as_yaml(self) -> str:
         """Return all frames with a parent as YAML in tf2's format; '[]' if there is no frame."""

@@ -9,7 +9,7 @@ thread that holds the lock already neither updates nor waits. Such lookups are t
 
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from functools import partial
 import logging
 from operator import index
@@ -69,7 +69,7 @@ class Engine:
             raise ValueError(f'max_samples must be at least 1, or None, got {max_samples}')
         # A KeyboardInterrupt cannot leave this lock held: it is only taken by `with`, and its
         # `__enter__` is written in C.
-        self.lock: Any = RLock()
+        self.lock: AbstractContextManager[Any] = RLock()
         self.tree = FrameTree(cache_time)
         self.lookups = Lookups(self.tree)
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
@@ -108,7 +108,7 @@ class Engine:
 
     def is_held(self) -> bool:
         """Return whether this thread holds the lock."""
-        return bool(self.lock._is_owned())
+        return bool(self.lock._is_owned())  # type: ignore[attr-defined]
 
     def update(self) -> int:
         """
@@ -211,7 +211,7 @@ class Engine:
 
     # Lookups
 
-    def reading(self) -> Any:
+    def reading(self) -> AbstractContextManager[Any]:
         """
         Update, and return the lock, to be held while `lookups` and `tree` are used.
 
@@ -274,7 +274,7 @@ class Engine:
         self.find_blocked = dict
         self.look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('puretf').warning
-        self.tree.release()
+        self.tree.copy_samples()
         self._mend()  # another thread may have been inserting
 
 

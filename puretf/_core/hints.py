@@ -399,7 +399,8 @@ def _without_listener(edge: Edge, time: int) -> str:
 def _late(edge: Edge, time: int, around: Surroundings, waited: Optional[Waited]) -> str:
     ahead = time - edge.latest
     section = see('Extrapolation into the future')
-    arrives = edge.still_arrives and not _is_gone(edge, around)
+    arrives = (edge.still_arrives and edge.authority not in around.ended
+               and bool(around.nodes(around.topics[-1])))
     if edge.is_refusing:
         return _refused(edge, around, edge.refused_stamp)
     if edge.has_one_stamp or (edge.samples == 1 and not arrives and not edge.has_dropped):
@@ -452,10 +453,6 @@ def _which_clocks(edge: Edge, time: int, around: Surroundings) -> str:
         return 'the requested time and the data are from different clocks, or from a recording.'
     return (f'the requested time is on {clock}, the data are not.' if is_time else
             f'the data are on {clock}, the requested time is not.')
-
-
-def _is_gone(edge: Edge, around: Surroundings) -> bool:
-    return edge.authority in around.ended or not around.nodes(around.topics[-1])
 
 
 def _why_silent(edge: Edge, around: Surroundings) -> str:

@@ -189,16 +189,6 @@ class History:
         return len(self.poses) == count * POSE_BYTES and (
             self.parents is None or len(self.parents) == count)
 
-    def release(self) -> None:
-        """After a fork, copy arrays whose memory numpy arrays still use: these cannot grow."""
-        for name in 'stamps', 'poses':
-            array = getattr(self, name)
-            try:
-                array.append(0)
-                array.pop()
-            except BufferError:
-                setattr(self, name, array[:])
-
     def _delete(self, index: int) -> None:
         if self.parents is not None:
             del self.parents[index]
@@ -365,8 +355,7 @@ class StaticHistory:
     def parent_at(self, time: int) -> str:
         return self.only_parent
 
-    def parent_near(self, time: int) -> str:
-        return self.only_parent
+    parent_near = parent_at
 
     def distance_to(self, time: int) -> int:
         return 0

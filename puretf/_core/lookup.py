@@ -85,13 +85,11 @@ class Lookups:
 
     def _kept_path(self, target: str, source: str) -> Optional[Path]:
         """Return the kept path between two frames; if there is none, try to find and keep one."""
-        path = self.paths.get((target, source))
-        if path is None:
+        if (target, source) not in self.paths:
             # A lookup at the latest common time is the most likely to succeed.
             with suppress(TransformException):
                 self.pose(target, source, 0)
-            path = self.paths.get((target, source))
-        return path
+        return self.paths.get((target, source))
 
     def check(self, target: str, source: str, time: int) -> None:
         """Raise the error of tf2's canTransform if `pose` has no result."""
@@ -170,7 +168,7 @@ class Lookups:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
         time = time or search.latest_common_time(self.tree, target, source)
         path = search.path(self.tree, target, source, time)
-        if path.has_constant_parents() and all(
+        if all(edge.parents is None for edge in path.edges) and all(
                 search.has_no_loop_above(self.tree, frame) for frame in (source, target)):
             if len(self.paths) >= _MAX_PATHS:
                 self.paths.clear()
@@ -182,7 +180,7 @@ class Lookups:
                   ) -> list[dict[str, tuple[int, Pose]]]:
         """Compute what `BufferBase.lookup_all` returns, as times and poses."""
         edges: dict[str, list[_Edge]] = {}
-        for child, parent, history in self.tree.edges(until):
+        for child, (parent, *_), history in self.tree.states(until):
             if children is None or child in children:
                 edges.setdefault(parent, []).append((child, True, history))
                 edges.setdefault(child, []).append((parent, False, history))

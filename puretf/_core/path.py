@@ -25,9 +25,6 @@ class Path:
         self.from_source, self.from_target = from_source, from_target
         self.edges = [*from_source, *from_target]
 
-    def has_constant_parents(self) -> bool:
-        return all(edge.parents is None for edge in self.edges)
-
     def latest_common_time(self) -> int:
         """Return the latest time (ns) for which every dynamic edge has data; 0: no such edge."""
         return min([latest for edge in self.edges if (latest := edge.latest)], default=0)

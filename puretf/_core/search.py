@@ -92,8 +92,8 @@ def latest_common_time(tree: FrameTree, target: str, source: str) -> int:
         history = tree.histories[source]
         return history.latest if history else 0
     from_source: list[str] = []
-    # The number of edges from the source frame up to each of its ancestors.
-    depths: dict[str, int] = {}
+    # The number of edges from the source frame up to itself and each of its ancestors.
+    depths = {source: 0}
     for child, parent in _ancestors(tree, source):
         _append(tree, from_source, child)
         if parent == target:
@@ -102,8 +102,6 @@ def latest_common_time(tree: FrameTree, target: str, source: str) -> int:
     from_target: list[str] = []
     for child, parent in _ancestors(tree, target):
         _append(tree, from_target, child)
-        if parent == source:
-            return Path([], _edges(tree, from_target)).latest_common_time()
         if parent in depths:
             path = Path(_edges(tree, from_source[:depths[parent]]), _edges(tree, from_target))
             return path.latest_common_time()

@@ -1,6 +1,5 @@
 """The tree of frames: the history of each frame, and the ancestors of a frame."""
 
-from collections.abc import Iterator
 from typing import Any, Optional
 
 from puretf._core import hints, texts
@@ -56,11 +55,11 @@ class FrameTree:
             if isinstance(history, History) and not history.is_consistent():
                 self.histories[name] = History(self.cache_time)
 
-    def release(self) -> None:
-        """Make all histories able to grow after a fork; see `History.release`."""
+    def copy_samples(self) -> None:
+        """Copy arrays that could not grow after a fork, if numpy arrays still use their memory."""
         for history in self.histories.values():
             if isinstance(history, History):
-                history.release()
+                history.stamps, history.poses = history.stamps[:], history.poses[:]
 
     def problem(self, name: str) -> Optional[str]:
         """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
@@ -72,20 +71,14 @@ class FrameTree:
             return texts.LEADING_SLASH
         return None if name in self.histories else texts.UNKNOWN_FRAME
 
-    def states(self, until: int = 0) -> list[tuple[str, State]]:
-        """Return the name and state of each frame with samples up to a time (ns; 0: no limit)."""
-        return [(name, state) for name, history in self.histories.items()
+    def states(self, until: int = 0) -> list[tuple[str, State, AnyHistory]]:
+        """Return name, state and history of each frame with samples up to a time (ns; 0: any)."""
+        return [(name, state, history) for name, history in self.histories.items()
                 if history is not None and (state := history.state(until)) is not None]
 
     def has_dynamic(self) -> bool:
         """Return whether there are, or were, dynamic frames; needs no lock."""
         return any(isinstance(history, History) for history in tuple(self.histories.values()))
-
-    def edges(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
-        """Yield each frame of `states` with its newest parent and its history."""
-        for name, history in self.histories.items():
-            if history is not None and (state := history.state(until)) is not None:
-                yield name, state[0], history
 
     def dump(self) -> dict[str, dict[str, Any]]:
         return {name: (history or History(0)).dump() for name, history in self.histories.items()}
