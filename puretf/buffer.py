@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any, Optional, Protocol, Union
+from typing import Any, Optional, Union
 from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
@@ -63,7 +63,8 @@ class Buffer(BufferCore, BufferInterface):
         self._engine.is_alive = (get_default_context() if node is None else node.context).ok
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
-            self.srv = _create_frames_service(node, self)
+            self.srv = FrameGraph and node.create_service(
+                FrameGraph, 'tf2_frames', partial(_on_frames_request, ref(self)))
         self.jump_handle = create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
@@ -232,14 +233,7 @@ def _seconds(timeout: Duration) -> float:
 # that neither the node nor the clock keeps the buffer alive.
 
 
-class _HasJumpCallback(Protocol):
-    """An object with the method `time_jump_callback`."""
-
-    def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """Clear the object."""
-
-
-def create_jump_handle(clock: Clock, owner: _HasJumpCallback) -> JumpHandle:
+def create_jump_handle(clock: Clock, owner: Any) -> JumpHandle:
     """
     Register the method `time_jump_callback` of an object with a clock.
 
@@ -255,13 +249,7 @@ def create_jump_handle(clock: Clock, owner: _HasJumpCallback) -> JumpHandle:
     return handle
 
 
-def _create_frames_service(node: Node, buffer: Buffer) -> Any:
-    if FrameGraph is None:
-        return None
-    return node.create_service(FrameGraph, 'tf2_frames', partial(_on_frames_request, ref(buffer)))
-
-
-def _on_time_jump(owner_ref: ref[_HasJumpCallback], time_jump: TimeJump) -> None:
+def _on_time_jump(owner_ref: ref[Any], time_jump: TimeJump) -> None:
     if (owner := owner_ref()) is not None:
         owner.time_jump_callback(time_jump)
 

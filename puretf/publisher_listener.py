@@ -7,7 +7,7 @@ each message, and the ROS graph tells to which node the publisher with this gid 
 
 from collections import deque
 from collections.abc import Collection, Iterable
-from itertools import groupby, islice
+from itertools import groupby
 from operator import attrgetter
 from time import monotonic, time_ns
 from typing import Any, NamedTuple, Optional, Union
@@ -21,7 +21,7 @@ from puretf._core.pose import BatchOrRows, Row
 from puretf._core.texts import comma_list, TF_MESSAGE
 from puretf._ros.graph import gid_of, node_of, UNKNOWN
 from puretf._ros.other_topics import TransformSampler
-from puretf._ros.rclpy_private import rcl_take, subscribe, take_message, Taker
+from puretf._ros.rclpy_private import rcl_take, subscribe, take_bytes, Taker
 from puretf._ros.subscription import SubscriptionSource, TopicSubscription
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
@@ -168,9 +168,7 @@ class _PlainTaker:
         self._handle = handle
 
     def take(self, max_messages: int) -> list[ReceivedMessage]:
-        with self._handle:
-            taken = iter(lambda: take_message(self._handle, None, True), None)
-            return [ReceivedMessage.of(data) for data, _ in islice(taken, max_messages)]
+        return [ReceivedMessage.of(data) for data, _ in take_bytes(self._handle, max_messages)]
 
 
 def _taker(handle: Any) -> Union[Taker[ReceivedMessage], _PlainTaker]:

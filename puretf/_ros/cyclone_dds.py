@@ -8,6 +8,7 @@ for the gids that belong to the handles, with functions that ROS does not expose
 from collections.abc import Callable
 import ctypes
 from ctypes import c_int32, c_uint64, c_void_p
+from functools import lru_cache
 import os
 import sys
 from typing import Optional
@@ -36,19 +37,15 @@ def gid_translator(data: int, most: int = 10_000) -> Optional[Callable[[str], st
     free.argtypes, free.restype = (c_void_p,), None
     # The struct begins with the handle of the reader.
     reader = c_int32.from_address(data).value
-    gids: dict[str, str] = {}
 
+    @lru_cache(most)
     def gid_of(reported: str) -> str:
-        gid = gids.get(reported)
-        if gid is None:
-            handle = int.from_bytes(bytes.fromhex(reported)[:_HANDLE_SIZE], sys.byteorder)
-            if not (publisher := get_publisher(reader, handle)):
-                return reported
-            # The struct dds_builtintopic_endpoint_t begins with the gid.
-            gid = gids[reported] = ctypes.string_at(publisher, _GID_SIZE).hex()
-            free(publisher)
-            if len(gids) > most:
-                del gids[next(iter(gids))]
+        handle = int.from_bytes(bytes.fromhex(reported)[:_HANDLE_SIZE], sys.byteorder)
+        if not (publisher := get_publisher(reader, handle)):
+            return reported
+        # The struct dds_builtintopic_endpoint_t begins with the gid.
+        gid = ctypes.string_at(publisher, _GID_SIZE).hex()
+        free(publisher)
         return gid
 
     return gid_of

@@ -71,8 +71,7 @@ class SpinThread(NodeThread):
         self._end = Future()
 
     def wake(self) -> None:
-        if self.must_end:
-            self._end.set_result(None)
+        self._end.set_result(None)
 
     def stop(self) -> None:
         super().stop()
@@ -130,25 +129,20 @@ class ListenerThread(NodeThread):
             self._on_end()
 
     def work_until_end(self) -> None:
-        tf = self._tf or self._tf_static
-        with self._wake.handle, self._tf_static.handle, tf.handle:
-            self._listen()
-
-    def _listen(self) -> None:
-        context = self._node.context.handle
+        context, tf = self._node.context.handle, self._tf or self._tf_static
         assert context is not None  # a context with a node has a handle
-        wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
-        pause = 0.0
-        while context.ok() and not self.must_end:
-            self._wait(wait_set, pause)
-            if self.must_end:
-                return
-            has_news, is_urgent, pause = self._work()
-            self._is_wake_pending |= has_news
-            if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
-                self._is_wake_pending = False
-                self._next_wake = self._clock() + _WAKE_INTERVAL
-                self._guard.trigger()
+        with self._wake.handle, self._tf_static.handle, tf.handle:
+            wait_set, pause = WaitSet(2, 1, 0, 0, 0, 0, context), 0.0
+            while context.ok() and not self.must_end:
+                self._wait(wait_set, pause)
+                if self.must_end:
+                    return
+                has_news, is_urgent, pause = self._work()
+                self._is_wake_pending |= has_news
+                if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
+                    self._is_wake_pending = False
+                    self._next_wake = self._clock() + _WAKE_INTERVAL
+                    self._guard.trigger()
 
     def _wait(self, wait_set: Any, pause: float) -> None:
         wait_set.clear_entities()

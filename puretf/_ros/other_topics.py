@@ -1,11 +1,10 @@
 """Transforms on topics to which a listener does not listen, as when half a robot is namespaced."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
-from itertools import islice
 from threading import Lock
 from time import monotonic, sleep
-from typing import Any, Optional
+from typing import Optional
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -16,7 +15,7 @@ from puretf._core.hints import Elsewhere
 from puretf._core.texts import TF_MESSAGE
 from puretf._ros.graph import nodes_on, other_topics, UNKNOWN
 from puretf._ros.messages import TFMessage
-from puretf._ros.rclpy_private import subscribe, take_message
+from puretf._ros.rclpy_private import subscribe, take_bytes
 from puretf._wire import cdr
 
 #: How long `OtherTopics` listens, the time until it listens again, and between two looks (s).
@@ -57,7 +56,7 @@ class TransformSampler:
             self._scan()
         for (topic, _), subscription in self._subscriptions.items():
             parents = self._parents[topic]
-            for data in _take(subscription):
+            for data, _ in take_bytes(subscription.handle, _DEPTH):
                 with suppress(cdr.MalformedMessage):
                     for row in cdr.unpack(data):
                         parent, child = (name.removeprefix('/')
@@ -102,15 +101,6 @@ class TransformSampler:
                     self._subscriptions[topic, is_latched] = subscribe(
                         node, TFMessage, topic, lambda _: None,
                         _LATCHED if is_latched else _OTHER, node.default_callback_group)
-
-
-def _take(subscription: Subscription) -> Iterator[bytes]:
-    def take() -> Any:
-        return take_message(subscription.handle, TFMessage, True)
-
-    with subscription.handle:
-        for data, _ in islice(iter(take, None), _DEPTH):
-            yield data
 
 
 class OtherTopics:

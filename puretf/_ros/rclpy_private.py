@@ -9,6 +9,7 @@ from collections.abc import Callable
 import ctypes
 from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache
+from itertools import islice
 from typing import Any, Generic, Optional, TypeVar
 from weakref import finalize
 
@@ -41,9 +42,9 @@ RCLError = _rclpy.RCLError
 #: WaitSet(subscriptions, guard conditions, timers, clients, services, events, context), with the
 #: methods clear_entities, add_subscription, add_guard_condition and wait(timeout in ns).
 WaitSet = _rclpy.WaitSet
-#: take_message(handle, message type, raw) returns a message, as bytes if `raw` is True, and its
-#: info; None if there is no message. `install` replaces the method in rclpy, but not here.
-take_message = _rclpy.Subscription.take_message
+#: Returns a message, as bytes if its argument `raw` is True, and its info; None if there is no
+#: message. `install` replaces the method in rclpy, but not here.
+_take_message = _rclpy.Subscription.take_message
 
 # TFMessages that were created at run time. rclpy's compiled part converts a message with compiled
 # functions of its class, which such a class does not have. So four functions of rclpy are replaced
@@ -83,7 +84,7 @@ def _publish_any(publisher: Any, message: Any) -> None:
 def _take_any(subscription: Any, message_type: type, raw: bool) -> Optional[tuple[Any, Any]]:
     """Take a message; drop it with a warning, once per topic, if it is malformed."""
     is_converted = not raw and issubclass(message_type, _converted)
-    taken = take_message(subscription, message_type, raw or is_converted)
+    taken = _take_message(subscription, message_type, raw or is_converted)
     if taken is None or not is_converted:
         return taken  # type: ignore[no-any-return]
     try:
@@ -122,6 +123,12 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
         handle = _rclpy.Subscription(node.handle, message_type, topic, qos.get_c_qos_profile())
     return Subscription(handle, message_type, topic, callback, group, qos, True,
                         SubscriptionEventCallbacks(use_default_callbacks=False))
+
+
+def take_bytes(handle: Any, most: int) -> list[tuple[bytes, Any]]:
+    """Take at most a number of the messages that have arrived, each as its bytes and its info."""
+    with handle:
+        return [*islice(iter(lambda: _take_message(handle, None, True), None), most)]
 
 
 def incompatible_qos(subscription: Subscription) -> Any:

@@ -1,8 +1,6 @@
 """The source from which a buffer takes a listener's messages, and a monitor of the QoS."""
 
 from collections.abc import Callable
-from functools import partial
-from itertools import islice
 from math import inf
 from operator import itemgetter
 import sys
@@ -15,8 +13,7 @@ from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 
 from puretf._core.pose import BatchOrRows
-from puretf._ros.messages import TFMessage
-from puretf._ros.rclpy_private import incompatible_qos, RCLError, take_message
+from puretf._ros.rclpy_private import incompatible_qos, RCLError, take_bytes
 from puretf._wire.message_reader import MessageReader
 
 #: The authority that the Python listener of tf2_ros passes with every transform.
@@ -44,12 +41,6 @@ class TopicSubscription:
         self.max_messages = max(_MAX_MESSAGES, int(qos.depth)) if (
             qos.history == HistoryPolicy.KEEP_LAST) else sys.maxsize
         self.reader = MessageReader(on_fault)
-        self._take = partial(take_message, self.handle, TFMessage, True)
-
-    def take(self) -> list[Any]:
-        """Take the messages that have arrived, each as a pair (bytes, info)."""
-        with self.handle:
-            return [*islice(iter(self._take, None), self.max_messages)]
 
 
 class NoMessages:
@@ -108,7 +99,7 @@ class SubscriptionSource:
         return batches
 
     def _take(self, subscription: TopicSubscription) -> list[Any]:
-        return subscription.take()
+        return take_bytes(subscription.handle, subscription.max_messages)
 
     def _read(self, subscription: TopicSubscription, messages: list[Any]) -> list[BatchOrRows]:
         return subscription.reader.read(

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 import threading
 import time
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from environment import made_at_run_time
@@ -34,7 +35,7 @@ from puretf._ros.rclpy_private import (
     RCLError,
     rmw_subscription,
     subscribe,
-    take_message,
+    take_bytes,
     Taker,
     WaitSet,
 )
@@ -55,29 +56,19 @@ def strings(ros):
     subscription.destroy()
 
 
-def take_next(subscription, raw):
-    """Wait for a message, and return it with its info."""
-    while (message := take_message(subscription.handle, String, raw)) is None:
-        time.sleep(0.001)
-    return message
-
-
-@pytest.mark.parametrize('raw', [True, False])
-def test_take_message_returns_the_message_and_its_info(strings, raw):
-    """The message is bytes or an object; without a message, the result is None."""
+def test_take_bytes_returns_messages_and_their_infos(strings):
+    """It returns one at most if one is wanted, and none if none has arrived."""
     publisher, subscription = strings
-    with subscription.handle:
-        assert take_message(subscription.handle, String, raw) is None
-        publisher.publish(String(data='hello'))
-        message, info = take_next(subscription, raw)
-    assert message == (serialize_message(String(data='hello')) if raw else String(data='hello'))
-    assert info['received_timestamp'] > 10**18
-
-
-def test_take_message_is_not_the_one_that_install_has_made():
-    """The module keeps rclpy's own function, which takes the bytes of a TFMessage, too."""
-    assert take_message is not vars(_rclpy.Subscription)['take_message'] or (
-        TFMessage.__module__.startswith('tf2_msgs.'))
+    assert take_bytes(subscription.handle, 1) == []
+    words = ['one', 'two', 'three']
+    for word in words:
+        publisher.publish(String(data=word))
+    taken: list[Any] = []
+    while len(taken) < len(words):
+        taken += (new := take_bytes(subscription.handle, 1))
+        assert len(new) <= 1
+    assert [data for data, _ in taken] == [serialize_message(String(data=word)) for word in words]
+    assert all(info['received_timestamp'] > 10**18 for _, info in taken)
 
 
 def test_install_does_nothing_where_tf2_msgs_is():
@@ -128,8 +119,9 @@ def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
     publisher.publish(String(data='hello'))
     for _ in range(10):
         ros.executor.spin_once(timeout_sec=0.0)
-    with subscription.handle:
-        assert take_next(subscription, False)[0] == String(data='hello')
+    while not (taken := take_bytes(subscription.handle, 1)):
+        time.sleep(0.001)
+    assert taken[0][0] == serialize_message(String(data='hello'))
 
 
 def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
