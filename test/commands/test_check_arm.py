@@ -57,7 +57,7 @@ def test_another_type(ros, monkeypatch):
     monkeypatch.setattr(check_arm, 'wait', wait)
     ros.node.create_publisher(TransformStamped, '/tf', 10)
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'lamp'))
-    result = call(main, domain=ros.context.get_domain_id())
+    result = call(main, domain=ros.domain)
     assert result.code == 1
     assert ('check_arm: warning: /test publishes geometry_msgs/msg/TransformStamped on /tf. '
             in result.stderr)
@@ -74,9 +74,7 @@ def test_ctrl_c(arm_domain):
 def test_an_arm_that_is_static(ros):
     """It is judged, and a late listener receives base_link."""
     observer = Observer(ros.node)
-    transform = TransformStamped(child_frame_id='base_link')
-    transform.header.frame_id = 'map'
-    StaticTransformBroadcaster(ros.node).sendTransform(transform)
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'base_link'))
     ros.until(lambda: observer.poll() or observer.messages)
     assert not observer.has_started
     report = observer.report()

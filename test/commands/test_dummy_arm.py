@@ -2,19 +2,15 @@
 
 from contextlib import contextmanager
 import math
-import os
 import re
-import signal
 
 from cli_runner import call
 from environment import ROOT
 import numpy as np
-from processes import ARM
 import pytest
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
-from ros_node import command_node, Ros
+from ros_node import command_node, LATCHED, Ros
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -24,7 +20,6 @@ from dummy_arm.arm import Arm
 from dummy_arm.dummy_arm import DummyArm, main
 from puretf import TFMessage
 
-LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'),
          ('joint_3', 'end_effector')]
 S = 10**9
@@ -135,13 +130,17 @@ def arm(domain_id):
 
 
 def test_early_and_late_subscribers_get_the_arm(ros, start):
-    """Both get the static transform; the joints follow the formula at their stamps."""
+    """
+    Both get the static transform; the joints follow the formula at their stamps.
+
+    The program, which `python -m` runs, too, ends normally by Ctrl-C.
+    """
     joints: list[TFMessage] = []
     statics: list[TFMessage] = []
     late: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf', joints.append, 1000)
     ros.node.create_subscription(TFMessage, '/tf_static', statics.append, LATCHED)
-    process = start(*ARM)
+    process = start('-m', 'dummy_arm.dummy_arm')
     log = re.fullmatch(
         r'\[INFO\] .*: publishing map -> base_link on /tf_static, base_link -> joint_1 -> '
         r'joint_2 -> joint_3 -> end_effector on /tf, joint angles on /joint_states at 50 Hz; '
@@ -156,8 +155,7 @@ def test_early_and_late_subscribers_get_the_arm(ros, start):
         np.testing.assert_array_equal(poses(message), [[0, 0, 0, 0, 0, 0, 1]])
     assert {*map(tuple, map(edges, joints))} == {tuple(CHAIN)}
     assert_waves(joints, int(log[1]))
-    process.end(signal.SIGINT)
-    assert process.exit_code() == 0
+    process.end_normally()
     assert process.output.count('\n') == 1
 
 
@@ -170,30 +168,6 @@ def test_a_late_subscriber_gets_the_description(arm_domain):
     ros.close()
     assert [each.data for each in received] == [
         (ROOT / 'dummy_arm' / 'urdf' / 'dummy_arm.urdf').read_text()]
-
-
-def test_sigterm_at_a_high_rate_is_a_normal_end(start):
-    """The exit code is 0, and no traceback is printed."""
-    process = start(*ARM, '--ros-args', '-p', 'rate:=10000')
-    process.line_with('at 10000 Hz')
-    process.end(signal.SIGTERM)
-    assert process.exit_code() == 0
-    assert process.output.count('\n') == 1
-
-
-def test_a_second_signal_does_not_interrupt_the_cleanup(domain_id, monkeypatch):
-    """For example, make sends SIGTERM after Ctrl-C."""
-    steps = []
-
-    def destroy_node(self, destroy=DummyArm.destroy_node):
-        steps.append('begun')
-        os.kill(os.getpid(), signal.SIGTERM)
-        destroy(self)
-        steps.append('ended')
-
-    monkeypatch.setattr(DummyArm, 'destroy_node', destroy_node)
-    assert call(main, domain=domain_id, until=lambda text: 't = 0 at' in text).code == 0
-    assert steps == ['begun', 'ended']
 
 
 @pytest.mark.parametrize('argument', [

@@ -4,15 +4,15 @@ from contextlib import closing
 from math import pi
 import signal
 
-from cli_runner import call
+from cli_runner import call, once
 from processes import tool
 import pytest
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
-from puretf import Buffer, TransformListener
 from puretf_tools.commands.joint_state_publisher import main
 from puretf_tools.robot import description_listener
+from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')
@@ -72,27 +72,22 @@ def test_the_joints_of_a_file(start, ros, urdf, positions):
         ros.until(lambda: positions['lift'] == 1.5)
         viewer.set('Centre', True)
         ros.until(lambda: positions == {'shoulder': 0.0, 'grip': 0.25, 'lift': 1.0})
-    process.end(signal.SIGTERM)
-    assert process.exit_code() == 0
+    process.end_normally(signal.SIGTERM)
     assert process.output.count('\n') == 1
 
 
-def test_the_robot_of_the_network(start, ros, urdf):
+def test_the_robot_of_the_network(start, ros, listening, urdf):
     """Without a file, the description is that of robot_state_publisher, whose robot moves."""
     process = start(*tool('joint_state_publisher'))
     process.line_with('waiting for a robot description on /robot_description')
-    buffer = Buffer(node=ros.node)
-    listener = TransformListener(buffer, ros.node)
     with open_page(process) as viewer:
         viewer.until(lambda: 'start robot_state_publisher FILE' in viewer.text('joints'))
         start(*tool('robot_state_publisher', urdf))
         viewer.until(lambda: 'lift (m)' in {props.get('label') for props in viewer.gui.values()})
         viewer.set('lift (m)', 1.25)
-        ros.until(lambda: buffer.can_transform('base', 'car', Time()) and buffer.lookup_transform(
-            'base', 'car', Time()).transform.translation.z == 1.25)
-    listener.unregister()
-    process.end(signal.SIGINT)
-    assert process.exit_code() == 0
+        ros.until(lambda: listening.can_transform('base', 'car', Time()) and (
+            listening.lookup_transform('base', 'car', Time()).transform.translation.z == 1.25))
+    process.end_normally()
 
 
 def test_with_a_file_no_description_of_the_network_is_parsed(domain_id, urdf, monkeypatch):
@@ -113,13 +108,14 @@ def test_another_publisher_is_named(start, ros, urdf):
         viewer.until(lambda: 'The positions are sent on /joint_states' in viewer.text('joints'))
 
 
-def test_a_namespace(start, ros, urdf):
+def test_a_namespace(ros, make_node):
     """The topics are in it."""
-    start(*tool('robot_state_publisher', urdf, '--namespace', 'left'))
-    start(*tool('joint_state_publisher', '--namespace', 'left'))
+    make_node(URDF, kind=RobotStatePublisher, namespace='left', is_spun=True)
     states: list[JointState] = []
     ros.node.create_subscription(JointState, '/left/joint_states', states.append, 10)
-    ros.until(lambda: states)
+    with ros.spinning():
+        assert call(main, '--namespace', 'left', domain=ros.domain,
+                    until=once(lambda: states)).code == 0
     assert states[0].name == ['shoulder', 'grip', 'lift']
 
 

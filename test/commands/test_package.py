@@ -4,7 +4,6 @@ from importlib import import_module
 import re
 
 from environment import COMMANDS
-from processes import tool
 import pytest
 
 
@@ -17,10 +16,3 @@ def test_every_command_has_help_with_an_example(capsys, command):
     text = capsys.readouterr().out
     assert f'usage: {command} ' in text
     assert re.search(rf'examples?: {command}\b', text)
-
-
-def test_help_of_a_process(start):
-    """The help goes to stdout."""
-    process = start(*tool('param', '--help'))
-    assert process.exit_code() == 0
-    assert process.output.startswith('usage: param ')

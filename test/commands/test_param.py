@@ -9,7 +9,6 @@ from cli_runner import call
 from processes import TIMEOUT
 import pytest
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from puretf_tools.cli import progress
@@ -30,7 +29,7 @@ def fails_with(monkeypatch, ros):
     def run(text, *arguments):
         for patience in 0.3, 3.0, 30.0:
             monkeypatch.setattr(tools_param, 'PATIENCE', patience)
-            code, output, error = call(main, *arguments, domain=ros.context.get_domain_id())
+            code, output, error = call(main, *arguments, domain=ros.domain)
             assert (code, output) == (1, '')
             if text in error:
                 return error
@@ -46,7 +45,7 @@ def test_list(ros):
         ros.node.declare_parameter(name, value)
     ros.node.declare_parameter('nothing', None, ParameterDescriptor(dynamic_typing=True))
     with ros.spinning():
-        code, listed, error = call(main, 'test', domain=ros.context.get_domain_id())
+        code, listed, error = call(main, 'test', domain=ros.domain)
     assert (code, error) == (0, '')
     assert [line for line in listed.splitlines() if 'start_type' not in line] == [
         'count: 3', 'fast: false', 'name: ', 'nothing: not set', 'numbers: [1.5, 2.0]',
@@ -62,7 +61,7 @@ def test_set(ros):
     """The value is read for the type of the parameter; the new value is printed."""
     ros.node.declare_parameter('rate', 50.0)
     with ros.spinning():
-        assert call(main, '/test', 'rate', '-1e2', domain=ros.context.get_domain_id()) == (
+        assert call(main, '/test', 'rate', '-1e2', domain=ros.domain) == (
             0, '-100.0\n', '')
     assert ros.node.get_parameter('rate').value == -100.0
 
@@ -96,11 +95,10 @@ def test_no_node_at_all(monkeypatch, domain_id):
     assert re.fullmatch('param: there is no node /dummy_arm.*ROS_DOMAIN_ID.*\n', error)
 
 
-def test_a_node_without_services(ros, fails_with):
+def test_a_node_without_services(make_node, fails_with):
     """It is there, but its parameters cannot be read."""
-    node = Node('silent', context=ros.context, start_parameter_services=False)
+    make_node('silent', start_parameter_services=False)
     assert fails_with('services', 'silent') == 'param: /silent has no parameter services\n'
-    node.destroy_node()
 
 
 def test_a_node_that_does_not_respond(monkeypatch, fails_with):

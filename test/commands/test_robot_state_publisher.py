@@ -3,18 +3,17 @@
 from functools import partial
 import json
 import shlex
-import signal
 import threading
 from typing import Any
 
-from cli_runner import call
+from cli_runner import call, once
 from processes import TIMEOUT, tool
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, ReliabilityPolicy
 from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
-from ros_node import command_node, Ros
+from ros_node import command_node, LATCHED
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -30,7 +29,6 @@ pytest.importorskip('urdf_parser_py')
 NAME = 'robot_state_publisher'
 ROBOT = """<robot name="r"><link name="base"/><link name="arm"/>
 <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def transforms_of(message):
@@ -51,7 +49,7 @@ def joint_states(stamp, names, positions):
 class Peer:
     """What a node of the test sends to a robot_state_publisher, and receives from it."""
 
-    def __init__(self, ros):
+    def __init__(self, ros, publishers=()):
         """Create the publishers and subscriptions, and wait for those of the other node."""
         self.ros = ros
         self.tf: list[TFMessage] = []
@@ -66,6 +64,8 @@ class Peer:
         self.clock = node.create_publisher(Clock, '/clock', 10)
         self._markers = 0
         ros.until(lambda: self.static and self.texts and self.states.get_subscription_count())
+        ros.until(lambda: all(
+            each.get_subscription_count() for each in publishers if each.topic_name == '/tf'))
 
     def wait_for_fixed(self, children):
         """Wait for a message on /tf_static with these child frames."""
@@ -84,6 +84,14 @@ class Peer:
         return self.tf[:-1]
 
 
+@pytest.fixture
+def file(tmp_path):
+    """The path of a description."""
+    path = tmp_path / 'robot.urdf'
+    path.write_text(CASES['chain']['urdf'])
+    return path
+
+
 @pytest.mark.parametrize('name', [
     'chain', 'mimic', 'planar_and_floating', 'names', 'prefix_ä b/', 'rate_default',
     'rate_publish_frequency_0.0', 'stamp_nanosec_too_large', 'not_finite_positions', 'lengths',
@@ -95,9 +103,7 @@ def test_answers_over_dds(domain_id, name):
     overrides = [Parameter(key, value=value) for key, value in case['parameters'].items()]
     with command_node(lambda: RobotStatePublisher(case['urdf'], parameter_overrides=overrides),
                       domain_id) as (node, ros):
-        peer = Peer(ros)
-        tf, = (publisher for publisher in node.publishers if publisher.topic_name == '/tf')
-        ros.until(tf.get_subscription_count)
+        peer = Peer(ros, node.publishers)
         assert_equal(transforms_of(peer.static[-1]), fixed(case, -1))
         answered = {message['step'] for message in case['tf']}
         static = {message['step'] for message in case['tf_static']}
@@ -147,11 +153,8 @@ def test_a_late_state_after_a_reset_of_the_clock(domain_id):
     names, positions = (chain['joint_states'][0][key] for key in ('name', 'position'))
     with command_node(lambda: RobotStatePublisher(chain['urdf'], parameter_overrides=[
             Parameter('use_sim_time', value=True)]), domain_id) as (node, ros):
-        peer = Peer(ros)
-        tf, = (publisher for publisher in node.publishers if publisher.topic_name == '/tf')
-        ros.until(tf.get_subscription_count)
-        ros.node.create_subscription(
-            Log, '/rosout', logs.append, 100)
+        peer = Peer(ros, node.publishers)
+        ros.node.create_subscription(Log, '/rosout', logs.append, 100)
         found = []
         for clock, stamp in (110, 110), (5, 5), (6, 111), (7, 7), (7, 2**31 - 1), (8, 8):
             apply(node, peer, {'clock': [clock, 0]})
@@ -164,10 +167,9 @@ def test_a_late_state_after_a_reset_of_the_clock(domain_id):
 
 
 @pytest.mark.parametrize('name', OF_THE_COMMAND)
-def test_arguments_and_parameters(domain_id, tmp_path, name):
+def test_arguments_and_parameters(domain_id, file, name):
     """Where the real one dies, ours prints one line and exits with code 2."""
     case = CASES[name]
-    file = tmp_path / 'robot.urdf'
     file.write_text(case['urdf'])
     arguments = case.get('arguments') or [str(file)]
     parameters = [f'{key}:={json.dumps(value)}' for key, value in case['parameters'].items()]
@@ -204,9 +206,8 @@ def test_the_command_that_an_error_names_works(domain_id, tmp_path, text, comman
 @pytest.mark.parametrize(('content', 'message'), [
     ('', 'robot.urdf: it is empty'),
     ('<robot name="r"><link name="a"/><link name="b"/></robot>', "has 2 roots, 'a', 'b'")])
-def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, tmp_path, content, message):
+def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, file, content, message):
     """The line says what is wrong; test_description.py has more such texts."""
-    file = tmp_path / 'robot.urdf'
     file.write_text(content)
     code, output, error = call(main, str(file), domain=domain_id)
     assert (code, output, error.count('\n')) == (2, '', 1)
@@ -244,14 +245,12 @@ def test_topics_qos_and_parameters_are_those_of_the_real_one(domain_id):
             assert node.has_parameter(name), name
 
 
-def test_topics_in_a_namespace(ros, start, tmp_path):
+def test_topics_in_a_namespace(ros, file):
     """The option puts all four topics there."""
-    file = tmp_path / 'robot.urdf'
-    file.write_text(CASES['one_link']['urdf'])
-    start(*tool(NAME, str(file), '--namespace', 'left'))
-    ros.until(lambda: all(ros.node.count_publishers(f'/left/{topic}') for topic in (
-        'tf', 'tf_static', 'robot_description')) and (
-            ros.node.count_subscribers('/left/joint_states')))
+    assert call(main, str(file), '--namespace', 'left', domain=ros.domain, until=once(
+        lambda: all(ros.node.count_publishers(f'/left/{topic}') for topic in (
+            'tf', 'tf_static', 'robot_description')) and (
+                ros.node.count_subscribers('/left/joint_states')))).code == 0
 
 
 def test_a_changed_prefix_applies_to_fixed_joints_at_once(domain_id):
@@ -263,11 +262,9 @@ def test_a_changed_prefix_applies_to_fixed_joints_at_once(domain_id):
         peer.wait_for_fixed(['x/l1', 'x/tool'])
 
 
-def test_joints_without_a_position_are_named(domain_id, tmp_path, monkeypatch):
+def test_joints_without_a_position_are_named(domain_id, file, monkeypatch):
     """A warning names them some seconds after the start."""
     monkeypatch.setattr(state_publisher, 'PATIENCE', 0.1)
-    file = tmp_path / 'robot.urdf'
-    file.write_text(CASES['chain']['urdf'])
     assert call(main, str(file), domain=domain_id, until=lambda text: (
         'no JointState message has been accepted yet' in text)).code == 0
 
@@ -278,21 +275,21 @@ def test_a_program_gets_the_reason(ros):
         RobotStatePublisher('<robot name="r"/>', context=ros.context)
 
 
-def test_joint_states_are_answered_while_a_description_is_parsed(ros, monkeypatch):
+def test_joint_states_are_answered_while_a_description_is_parsed(
+        ros, make_node, stranger, monkeypatch):
     """Ten MB take seconds."""
-    node = RobotStatePublisher(ROBOT, context=ros.context)
+    node = make_node(ROBOT, kind=RobotStatePublisher)
     received = threading.Event()
-    other = Ros(ros.context.get_domain_id())
-    other.node.create_subscription(TFMessage, '/tf', lambda _: received.set(), 10)
-    publisher = other.node.create_publisher(JointState, '/joint_states', 10)
+    stranger.node.create_subscription(TFMessage, '/tf', lambda _: received.set(), 10)
+    publisher = stranger.node.create_publisher(JointState, '/joint_states', 10)
 
     def send():
         state = JointState(name=['turn'], position=[1.0])
-        state.header.stamp = other.node.get_clock().now().to_msg()
+        state.header.stamp = stranger.node.get_clock().now().to_msg()
         publisher.publish(state)
 
-    other.node.create_timer(0.05, send)
-    with other.spinning():
+    stranger.node.create_timer(0.05, send)
+    with stranger.spinning():
         ros.until(lambda: ros.executor.spin_once(0.01) or (
             publisher.get_subscription_count() and node.count_subscribers('/tf')))
 
@@ -304,26 +301,21 @@ def test_joint_states_are_answered_while_a_description_is_parsed(ros, monkeypatc
         monkeypatch.setattr(state_publisher, 'parse', parse_slowly)
         (result,) = node.set_parameters([Parameter('robot_description', value=ROBOT)])
     assert result.successful
-    other.close()
-    node.destroy_node()
 
 
-def test_a_qos_override_is_of_one_node(ros):
+def test_a_qos_override_is_of_one_node(make_node):
     """Other subscriptions with rclpy's profile of sensors keep its reliability."""
     override = Parameter('qos_overrides./joint_states.subscription.reliability', value='reliable')
-    node = RobotStatePublisher(CASES['chain']['urdf'], context=ros.context,
-                               parameter_overrides=[override])
+    node = make_node(
+        CASES['chain']['urdf'], kind=RobotStatePublisher, parameter_overrides=[override])
     (info,) = node.get_subscriptions_info_by_topic('/joint_states')
-    node.destroy_node()
     assert info.qos_profile.reliability is ReliabilityPolicy.RELIABLE
     assert qos_profile_sensor_data.reliability is ReliabilityPolicy.BEST_EFFORT
 
 
-def test_a_process_publishes_until_a_signal(ros, start, tmp_path):
-    """A real process answers to another one, in a namespace, and ends with exit code 0."""
+def test_a_process_publishes_until_a_signal(ros, start, file):
+    """A real process answers to another one, and ends with exit code 0."""
     case = CASES['chain']
-    file = tmp_path / 'robot.urdf'
-    file.write_text(case['urdf'])
     process = start(*tool(NAME, str(file)))
     process.line_with('Robot initialized')
     peer = Peer(ros)
@@ -341,5 +333,4 @@ def test_a_process_publishes_until_a_signal(ros, start, tmp_path):
 
     ros.until(is_answered)
     assert_equal(transforms_of(peer.tf[-1]), answer(case, 1))
-    process.end(signal.SIGINT)
-    assert process.exit_code() == 0
+    process.end_normally()

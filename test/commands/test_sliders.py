@@ -2,18 +2,12 @@
 
 from contextlib import closing, ExitStack
 from math import pi, radians
-import signal
 
-import numpy as np
 from processes import ARM, tool
 import pytest
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.time import Time
+from ros_node import LATCHED
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-
-from puretf import Buffer, TransformListener
 
 pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')
@@ -37,8 +31,7 @@ def open_viewer(start):
             return stack.enter_context(closing(Viewer(port)))
 
         yield open_page
-        process.end(signal.SIGINT)
-        assert process.exit_code() == 0
+        process.end_normally()
         assert process.output.count('\n') == 1
 
 
@@ -70,23 +63,13 @@ def test_the_arm_holds_and_waves_again(start, ros, open_viewer):
         each.until(lambda each=each: each.value('joint_2 (°)') != 0.0)
 
 
-@pytest.fixture
-def robot(ros):
-    """A node in the namespace /left."""
-    node = Node('robot', namespace='left', context=ros.context)
-    ros.executor.add_node(node)
-    yield node
-    ros.executor.remove_node(node)
-    node.destroy_node()
-
-
-def test_another_robot_in_a_namespace(ros, robot, open_viewer):
+def test_another_robot_in_a_namespace(ros, make_node, open_viewer):
     """It gets what the viewer moves, and nothing else; its sliders follow valid joint states."""
+    robot = make_node('robot', namespace='left', is_spun=True)
     commands: list[JointState] = []
     subscription = robot.create_subscription(
         JointState, 'arm/joint_command', commands.append, 10)
-    description = robot.create_publisher(String, 'robot_description', QoSProfile(
-        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    description = robot.create_publisher(String, 'robot_description', LATCHED)
     description.publish(String(data=URDF))
     states = robot.create_publisher(JointState, 'joint_states', 10)
     robot.create_timer(0.05, lambda: states.publish(
@@ -96,7 +79,7 @@ def test_another_robot_in_a_namespace(ros, robot, open_viewer):
     # A recorder listens, too, and its namespace has another robot.
     recorder = ros.node.create_subscription(
         JointState, '/left/arm/joint_command', lambda _: None, 10)
-    other = ros.node.create_publisher(String, '/robot_description', description.qos_profile)
+    other = ros.node.create_publisher(String, '/robot_description', LATCHED)
     other.publish(String(data=URDF.replace('axle', 'wheel')))
     viewer = open_viewer()
     with ros.spinning():
@@ -116,42 +99,3 @@ def test_another_robot_in_a_namespace(ros, robot, open_viewer):
         viewer.until(lambda: 'No node listens' in viewer.text('joints'))
     assert [(command.name, [*command.position]) for command in commands] == [
         (['axle'], [pytest.approx(pi / 4)])]
-
-
-@pytest.fixture
-def open_page():
-    """A function that opens the page of a process in a browser; it must have no faults."""
-    from browser import pages
-    with pages() as open_url:
-        yield lambda process: open_url(process.line_with('look at http').split()[-1])
-
-
-def test_a_slider_in_a_browser(start, ros, open_page):
-    """What is typed beside a slider, and where it is dragged to, moves the frames of the arm."""
-    start(*ARM)
-    buffer = Buffer(node=ros.node)
-    listener = TransformListener(buffer, ros.node)
-    page = open_page(start(*tool('web_view')))
-    page.scene_with('end_effector')
-    page.open_tab('Robot')
-
-    def angle():
-        rotation = buffer.lookup_transform('base_link', 'joint_1', Time()).transform.rotation
-        return 2.0 * np.arctan2(rotation.z, rotation.w)
-
-    # Behind the label come a hidden field, the handle and the field with the number.
-    behind = '//label[.="joint_1 (°)"]/following::'
-    page.page.locator(f'xpath={behind}input[2]').fill('30')
-    ros.until(lambda: angle() == pytest.approx(pi / 6))
-    page.button('Centre')
-    ros.until(lambda: angle() == 0.0)
-    box = page.page.locator(f'xpath={behind}*[@role="slider"][1]').bounding_box()
-    mouse = page.page.mouse
-    mouse.move(box['x'] + box['width'] / 2, box['y'] + box['height'] / 2)
-    mouse.down()
-    mouse.move(box['x'] + 500, box['y'])
-    mouse.up()
-    ros.until(lambda: angle() == pytest.approx(pi / 4))
-    page.button('Wave')
-    ros.until(lambda: angle() < 0.0)
-    listener.unregister()

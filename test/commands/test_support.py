@@ -19,7 +19,7 @@ def test_another_process_that_publishes_in_the_domain_is_named(ros):
     """Otherwise, a test could mistake messages of a process that was left behind for its own."""
     with subprocess.Popen(
             [sys.executable, *ARM], stderr=subprocess.DEVNULL,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(ros.context.get_domain_id())}) as arm:
+            env={**os.environ, 'ROS_DOMAIN_ID': str(ros.domain)}) as arm:
         try:
             named = [f'/dummy_arm of process {arm.pid & 0xffff}']
             ros.until(lambda: ros.foreign_publishers() == named)
@@ -54,12 +54,9 @@ def test_what_a_process_has_left_behind_is_ended(domain_id):
     assert not is_running(child)
 
 
-def test_a_command_that_is_called_leaves_the_node_of_the_test_its_discovery(ros):
+def test_a_command_that_is_called_leaves_the_node_of_the_test_its_discovery(ros, stranger):
     """The command detaches the discovery listener of its own participant only."""
-    domain = ros.context.get_domain_id()
-    assert call(main, domain=domain, until=lambda text: 't = 0' in text).code == 0
+    assert call(main, domain=ros.domain, until=lambda text: 't = 0' in text).code == 0
     assert not signal_received()
-    other = Ros(domain)
-    other.node.create_publisher(Clock, '/clock', 1)
+    stranger.node.create_publisher(Clock, '/clock', 1)
     ros.until(lambda: ros.node.count_publishers('/clock'))
-    other.close()

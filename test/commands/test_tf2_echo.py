@@ -1,10 +1,9 @@
 """The command `tf2_echo`: transforms of what is published now, and what is missing."""
 
 import re
-import signal
 
 from cli_runner import call
-from processes import Process, tool, tool_without_ros
+from processes import tool, tool_without_ros
 import pytest
 from ros_node import stamped
 
@@ -17,22 +16,17 @@ S = 10**9
 LATER = 1795204940_123456789  # ns
 
 
-def test_it_goes_on_until_a_signal(arm_domain):
+def test_it_goes_on_until_a_signal(start, arm_domain):
     """Its frames may begin with a slash, as in tf2."""
-    process = Process(arm_domain, *tool('tf2_echo', '/map', '/end_effector', '-r', '100'))
-    try:
-        for _ in range(3):
-            assert re.fullmatch(r'At time \d{10}\.\d{9}\n', process.line_with('At time '))
-            assert re.fullmatch(r'- Translation: \[.*, 0\.300\]\n', process.line())
-            for begin in ('- Rotation: in Quaternion', '- Rotation: in RPY (radian)',
-                          '- Rotation: in RPY (degree)', '- Matrix:', ' ', ' ', ' ',
-                          '  0.000  0.000'):
-                assert process.line().startswith(begin)
-        process.end(signal.SIGINT)
-        assert process.exit_code() == 0
-        assert 'Traceback' not in process.output
-    finally:
-        process.close()
+    process = start(*tool('tf2_echo', '/map', '/end_effector', '-r', '100'), domain=arm_domain)
+    for _ in range(3):
+        assert re.fullmatch(r'At time \d{10}\.\d{9}\n', process.line_with('At time '))
+        assert re.fullmatch(r'- Translation: \[.*, 0\.300\]\n', process.line())
+        for begin in ('- Rotation: in Quaternion', '- Rotation: in RPY (radian)',
+                      '- Rotation: in RPY (degree)', '- Matrix:', ' ', ' ', ' ',
+                      '  0.000  0.000'):
+            assert process.line().startswith(begin)
+    process.end_normally()
 
 
 @pytest.mark.parametrize(('arguments', 'period'), [((), 1.0), (('5',), 0.2), (('-r', '4'), 0.25)])
@@ -58,13 +52,13 @@ def test_a_time_exactly(monkeypatch, ros):
     The hint is not logged again if only its numbers change.
     """
     monkeypatch.setattr(tf2_echo, '_LOG_PERIOD', 0.2)
-    moving, domain = TransformBroadcaster(ros.node), ros.context.get_domain_id()
+    moving = TransformBroadcaster(ros.node)
     ros.node.create_timer(0.05, lambda: moving.sendTransform([
         stamped('map', 'robot', LATER + i * S, x) for i, x in enumerate((1.0, 1.000001, 3.0))]))
     with ros.spinning():
         between = call(main, 'map', 'robot', '-t', '1795204941.623456789', '--once', '-p', '7',
-                       domain=domain)
-        late = call(main, 'map', 'robot', '-t', '1795204943', domain=domain,
+                       domain=ros.domain)
+        late = call(main, 'map', 'robot', '-t', '1795204943', domain=ros.domain,
                     until=lambda text: text.count('extrapolation into the future') > 2)
     assert between.code == 0
     assert between.stdout.startswith(
@@ -79,6 +73,7 @@ def test_a_time_exactly(monkeypatch, ros):
 def test_waiting_says_what_is_missing(monkeypatch, ros):
     """Once a second, it logs tf2's text; the hint follows once, until it changes."""
     monkeypatch.setattr(tf2_echo, '_LOG_PERIOD', 0.1)
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.5)
     broadcaster = StaticTransformBroadcaster(ros.node)
     nothing = 'No transform has been received yet. Nothing has arrived yet from /test. More: '
     steps = [
@@ -93,8 +88,7 @@ def test_waiting_says_what_is_missing(monkeypatch, ros):
             broadcaster.sendTransform([stamped(*edge) for edge in steps.pop(0)[1]])
         return 'At time 0.000000000\n' in text
 
-    code, _, error = call(main, 'map', 'base_lnik', domain=ros.context.get_domain_id(),
-                          until=until)
+    code, _, error = call(main, 'map', 'base_lnik', domain=ros.domain, until=until)
     assert (code, steps) == (0, [])
     lines = error.splitlines()
     assert re.match(
@@ -120,8 +114,7 @@ def test_a_failure_is_printed_and_it_goes_on(ros):
                 broadcaster.sendTransform(stamped(parent, 'robot'))
         return not steps
 
-    code, output, _ = call(main, 'map', 'robot', '20', domain=ros.context.get_domain_id(),
-                           until=until)
+    code, output, _ = call(main, 'map', 'robot', '20', domain=ros.domain, until=until)
     assert code == 0
     assert re.search(
         r"Failure at \d{10}\.\d{3}\nException thrown:Could not find a connection between 'map' "

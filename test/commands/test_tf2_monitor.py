@@ -1,12 +1,10 @@
 """The command `tf2_monitor`: what is published now, late, twice, in simulated time, or not."""
 
 import re
-import signal
 
 from cli_runner import call
-from processes import Process, tool
+from processes import tool
 import pytest
-from rclpy.node import Node
 from rclpy.time import Time
 from ros_node import stamped
 from rosgraph_msgs.msg import Clock
@@ -27,22 +25,17 @@ def often(monkeypatch):
     monkeypatch.setattr(tf2_monitor, 'sleep', lambda seconds: sleep(seconds / 10))
 
 
-def test_all_frames_until_a_signal(arm_domain):
+def test_all_frames_until_a_signal(start, arm_domain):
     """It prints the rates of all frames and nodes."""
-    process = Process(arm_domain, *tool('tf2_monitor'))
-    try:
-        process.line_with('RESULTS: for all frames, over the last 10 s')
-        for line in (r'  base_link  +static  +/dummy_arm\n',
-                     rf'  end_effector  +{RATE_AND_DELAYS}  /dummy_arm\n',
-                     rf'  joint_2  +{RATE_AND_DELAYS}  /dummy_arm\n',
-                     rf' +{RATE_AND_DELAYS}  /dummy_arm\n'):
-            while not re.search(f'^{line}', process.output, re.MULTILINE):
-                assert process.line(), process.output
-        process.end(signal.SIGINT)
-        assert process.exit_code() == 0
-        assert 'Traceback' not in process.output
-    finally:
-        process.close()
+    process = start(*tool('tf2_monitor'), domain=arm_domain)
+    process.line_with('RESULTS: for all frames, over the last 10 s')
+    for line in (r'  base_link  +static  +/dummy_arm\n',
+                 rf'  end_effector  +{RATE_AND_DELAYS}  /dummy_arm\n',
+                 rf'  joint_2  +{RATE_AND_DELAYS}  /dummy_arm\n',
+                 rf' +{RATE_AND_DELAYS}  /dummy_arm\n'):
+        while not re.search(f'^{line}', process.output, re.MULTILINE):
+            assert process.line(), process.output
+    process.end_normally()
 
 
 def test_the_path_between_two_frames(arm_domain):
@@ -60,24 +53,23 @@ def test_the_path_between_two_frames(arm_domain):
     assert (result.code, result.stderr) == (0, '')
 
 
-def test_late_transforms(ros):
+def test_late_transforms(ros, make_node):
     """A node in a namespace publishes an hour late; the net delay of the path is as large."""
-    node = Node('late', namespace='/robot', context=ros.context)
-    ros.executor.add_node(node)
+    node = make_node('late', namespace='/robot', is_spun=True)
     broadcaster = TransformBroadcaster(node)
     node.create_timer(0.05, lambda: broadcaster.sendTransform(
         stamped('map', 'odom', node.get_clock().now().nanoseconds - 3600 * S)))
     with ros.spinning():
         result = call(
-            main, 'map', 'odom', domain=ros.context.get_domain_id(), until=lambda text: re.search(
+            main, 'map', 'odom', domain=ros.domain, until=lambda text: re.search(
                 r'Net delay     avg = 36\d\d\.\d{6} s: max = 36\d\d\.\d{6} s\n(.+\n|\n)*'
                 r'  odom  +\d+\.\d Hz +36\d\d\.\d{6} s +36\d\d\.\d{6} s  /robot/late\n', text))
-    node.destroy_node()
     assert result.code == 0
 
 
-def test_it_continues_when_something_is_missing(ros):
+def test_it_continues_when_something_is_missing(ros, monkeypatch):
     """It prints what is missing, once with the hint, and continues; a static path has no delay."""
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.5)
     broadcaster = StaticTransformBroadcaster(ros.node)
     waiting = ('Waiting for transform map ->  robot: Invalid frame ID "robot" passed to '
                'canTransform argument source_frame - frame does not exist.')
@@ -99,13 +91,12 @@ def test_it_continues_when_something_is_missing(ros):
             seen = len(text)
         return not steps
 
-    result = call(main, 'map', 'robot', domain=ros.context.get_domain_id(), until=until)
+    result = call(main, 'map', 'robot', domain=ros.domain, until=until)
     assert (result.code, steps) == (0, [])
 
 
-def test_two_nodes_that_publish_one_frame(ros):
+def test_two_nodes_that_publish_one_frame(ros, other):
     """It prints a warning, as long as both nodes exist."""
-    other = Node('other', context=ros.context)
     for node in ros.node, other:
         StaticTransformBroadcaster(node).sendTransform(stamped('map', 'odom'))
     warning = ('Warning: odom is published by /other and /test; a frame should have one '
@@ -117,15 +108,14 @@ def test_two_nodes_that_publish_one_frame(ros):
             other.destroy_node()
         return not steps
 
-    result = call(main, domain=ros.context.get_domain_id(), until=until)
+    result = call(main, domain=ros.domain, until=until)
     (gone, *_) = [block for block in result.stdout.split('RESULTS') if '(gone)' in block]
     assert re.search(r'  odom +static +/other \(gone\)\n', gone)
     assert 'Warning' not in gone
 
 
-def test_a_middleware_that_does_not_report_gids(ros, handles):
+def test_a_middleware_that_does_not_report_gids(ros, other, handles):
     """Nobody is gone; publishers that cannot be told apart have one row, and no warning."""
-    other = Node('other', context=ros.context)
     for node in ros.node, other:
         StaticTransformBroadcaster(node).sendTransform(stamped('map', 'odom'))
     broadcaster = TransformBroadcaster(ros.node)
@@ -133,9 +123,8 @@ def test_a_middleware_that_does_not_report_gids(ros, handles):
         stamped('odom', 'robot', ros.node.get_clock().now().nanoseconds)))
     rows = (r'  odom +static +one of /other, /test\n', rf'  robot +{RATE_AND_DELAYS}  /test\n')
     with ros.spinning():
-        result = call(main, domain=ros.context.get_domain_id(), until=lambda text: all(
+        result = call(main, domain=ros.domain, until=lambda text: all(
             re.search(row, text) for row in rows))
-    other.destroy_node()
     assert result.code == 0
     assert '(gone)' not in result.stdout
     assert 'Warning' not in result.stdout
@@ -145,7 +134,7 @@ def test_in_place_on_a_terminal(ros):
     """The output is cut off at the size of the terminal: 80 columns and 24 lines."""
     StaticTransformBroadcaster(ros.node).sendTransform(
         [stamped('map', f'frame_{i:02}_{"long" * 20}') for i in range(30)])
-    result = call(main, domain=ros.context.get_domain_id(), columns=80,
+    result = call(main, domain=ros.domain, columns=80,
                   until=lambda text: text.count('more lines') > 1)
     first, second = [screen.splitlines() for screen in result.stdout.split('\x1b[H\x1b[2J')
                      if 'more lines' in screen][:2]
@@ -175,8 +164,7 @@ def test_sim_time_that_is_set_back(ros):
 
     ros.node.create_timer(0.02, tick)
     with ros.spinning():
-        result = call(main, 'map', 'odom', *SIM_TIME, domain=ros.context.get_domain_id(),
-                      until=until)
+        result = call(main, 'map', 'odom', *SIM_TIME, domain=ros.domain, until=until)
     assert (result.code, len(times)) == (0, 1)
     last = result.stdout.rpartition('RESULTS')[2]
     assert 'Warning' not in last

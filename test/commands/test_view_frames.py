@@ -1,20 +1,15 @@
 """The command `view_frames`: trees of what is published now, and drawings that are interrupted."""
 
-import os
-from pathlib import Path
 import random
 import re
 import signal
 import sys
-import time
-from typing import Any
 
 from cli_runner import call
-from processes import is_running, Process, TIMEOUT, tool, tool_without_ros
+from processes import cpu_seconds, is_running, tool, tool_without_ros
 import pytest
-from rclpy.node import Node
 from rclpy.time import Time
-from ros_node import stamped
+from ros_node import eventually, stamped
 from rosgraph_msgs.msg import Clock
 
 from puretf import StaticTransformBroadcaster, TransformBroadcaster
@@ -39,42 +34,32 @@ def publish_static(ros):
     return lambda *edges: broadcaster.sendTransform([stamped(*edge) for edge in edges])
 
 
-def test_the_arm_is_drawn(arm_domain, tmp_path):
+def test_the_arm_is_drawn(start, arm_domain, tmp_path):
     """The command ends after the time, with exit code 0."""
-    process = Process(arm_domain, *tool('view_frames', '-t', '0.3'), cwd=tmp_path)
-    try:
-        assert process.exit_code() == 0
-        assert re.fullmatch(r'wrote frames\.pdf and frames\.gv: frames: \d, transforms: \d, '
-                            r'root: \w+\n', process.output)
-        assert (tmp_path / 'frames.pdf').read_bytes().startswith(b'%PDF')
-    finally:
-        process.close()
+    process = start(*tool('view_frames', '-t', '0.3'), domain=arm_domain, cwd=tmp_path)
+    assert process.exit_code() == 0
+    assert re.fullmatch(r'wrote frames\.pdf and frames\.gv: frames: \d, transforms: \d, '
+                        r'root: \w+\n', process.output)
+    assert (tmp_path / 'frames.pdf').read_bytes().startswith(b'%PDF')
 
 
-def test_watch_prints_until_a_signal(arm_domain):
+def test_watch_prints_until_a_signal(start, arm_domain):
     """If stdout is a pipe, it prints the tree line by line, with an empty line after it."""
-    process = Process(arm_domain, *tool('view_frames', '--watch'))
-    try:
-        process.line_with('end_effector')
-        while process.line() != '\n':
-            pass
-        process.end(signal.SIGTERM)
-        assert process.exit_code() == 0
-        assert 'Traceback' not in process.output
-    finally:
-        process.close()
+    process = start(*tool('view_frames', '--watch'), domain=arm_domain)
+    process.line_with('end_effector')
+    while process.line() != '\n':
+        pass
+    process.end_normally(signal.SIGTERM)
 
 
-def test_a_publisher_is_named_by_its_node(ros, publish_static):
+def test_a_publisher_is_named_by_its_node(ros, publish_static, make_node):
     """Each line ends with the full name of the node that publishes the frame."""
     publish_static(('map', 'ours'))
-    other = Node('theirs', namespace='/robot', context=ros.context)
-    StaticTransformBroadcaster(other).sendTransform(stamped('map', 'theirs'))
+    StaticTransformBroadcaster(make_node('theirs', namespace='/robot')).sendTransform(
+        stamped('map', 'theirs'))
     lines = r'ours +static +/test\n', r'theirs +static +/robot/theirs\n'
-    result = call(main, '--watch', domain=ros.context.get_domain_id(),
-                  until=lambda text: all(re.search(line, text) for line in lines))
-    other.destroy_node()
-    assert result.code == 0
+    assert call(main, '--watch', domain=ros.domain, until=lambda text: all(
+        re.search(line, text) for line in lines)).code == 0
 
 
 def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_path):
@@ -91,14 +76,6 @@ def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_pa
     assert not [*tmp_path.iterdir()]
 
 
-def test_ros_that_does_not_start_is_exit_code_1():
-    """This happens if an environment variable of ROS is invalid."""
-    invalid: Any = 'abc'
-    code, output, error = call(main, domain=invalid)
-    assert (code, output) == (1, '')
-    assert re.fullmatch('view_frames: .*ROS_DOMAIN_ID.*\n', error)
-
-
 def test_sim_time_is_used(ros):
     """Ages are relative to the time of /clock."""
     broadcaster = TransformBroadcaster(ros.node)
@@ -111,7 +88,7 @@ def test_sim_time_is_used(ros):
     ros.node.create_timer(0.05, publish)
     with ros.spinning():
         result = call(main, '--watch', '--ros-args', '-p', 'use_sim_time:=true',
-                      domain=ros.context.get_domain_id(),
+                      domain=ros.domain,
                       until=lambda text: re.search(r'arm +\? Hz +2\.000 s old', text))
     assert result.code == 0
 
@@ -152,7 +129,7 @@ def test_a_live_tree_on_a_terminal(arm_domain):
 def test_a_live_tree_says_how_much_of_it_is_not_shown(ros, publish_static):
     """The tree is longer than the 24 lines of the terminal."""
     publish_static(*(('map', f'frame_{i}') for i in range(30)))
-    result = call(main, '--watch', domain=ros.context.get_domain_id(), columns=80,
+    result = call(main, '--watch', domain=ros.domain, columns=80,
                   until=lambda text: 'more lines' in text)
     screen = result.stdout.rpartition(CLEAR)[2].splitlines()
     assert len(screen) == 23
@@ -169,8 +146,7 @@ def test_a_live_tree_waits_for_its_root(ros, publish_static):
             publish_static(('base', 'tool'), ('tool', 'tip'))
         return re.search(r'^tool\n└── tip .*\n\n', text, re.MULTILINE)
 
-    result = call(main, '--watch', '--root', 'tool', domain=ros.context.get_domain_id(),
-                  until=until)
+    result = call(main, '--watch', '--root', 'tool', domain=ros.domain, until=until)
     assert result.code == 0
     assert missing in result.stdout
 
@@ -186,12 +162,6 @@ def test_a_bag_without_ros(start, tmp_path):
     assert 'Traceback' not in process.output
 
 
-def seconds_of_work(pid):
-    """Return the CPU time that a process has used (s)."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return int(fields[11]) / os.sysconf('SC_CLK_TCK')
-
-
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])
 def test_a_signal_ends_the_drawing(start, tmp_path, number):
     """Graphviz would work for half a minute, and C code does not notice Ctrl-C."""
@@ -204,15 +174,10 @@ def test_a_signal_ends_the_drawing(start, tmp_path, number):
     _, code, *arguments = tool('view_frames', '--bag', str(bag))
     unlimited = f'import puretf_tools.commands.view_frames as v; v.MAX_FRAMES = 10**6; {code}'
     process = start('-c', unlimited, *arguments, cwd=there)
-    deadline = time.monotonic() + TIMEOUT
-    while sum(map(seconds_of_work, drawing := process.descendants())) < 0.5:
-        assert not process.has_ended(), process.output
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    eventually(lambda: sum(map(cpu_seconds, process.descendants())) > 0.3)
+    drawing = process.descendants()
     process.end(number)
     assert process.exit_code() == (130 if number == signal.SIGINT else -number)
-    while any(map(is_running, drawing)):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    eventually(lambda: not any(map(is_running, drawing)))
     assert process.output == 'view_frames: ended early by SIGINT\n' * (number == signal.SIGINT)
     assert not [*there.iterdir()]

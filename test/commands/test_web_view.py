@@ -1,6 +1,6 @@
 """The page of web_view: as a process, and in a real browser."""
 
-from math import degrees
+from math import degrees, pi
 from pathlib import Path
 import signal
 import socket
@@ -32,8 +32,7 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
     hint = f'To listen to {robot.pub_tf.topic_name}, pass '
     viewer.until(lambda: hint in viewer.text('overview'))
     viewer.close()
-    process.end(signal.SIGTERM)
-    assert process.exit_code() == 0
+    process.end_normally(signal.SIGTERM)
 
 
 def test_a_bag_without_ros(start, tmp_path):
@@ -57,29 +56,29 @@ def test_a_bag_without_ros(start, tmp_path):
     viewer.until(lambda: 'box on /robot_description: 1 of 1 links have a frame' in
                  viewer.text('robot'))
     viewer.close()
-    process.end(signal.SIGINT)
-    assert process.exit_code() == 0
+    process.end_normally()
     assert process.output.count('\n') == 1
 
 
 @pytest.fixture
-def open_page():
-    """A function that opens the page of a process; it must have no faults."""
+def open_arm(start):
+    """A function that opens the page of a running arm in a browser; it must have no faults."""
     from browser import pages
     with pages() as open_url:
-        yield lambda process: open_url(process.line_with('look at http').split()[-1])
+        start(*ARM)
+        view = start(*tool('web_view'))
+        yield lambda *size: open_url(view.line_with('look at http').split()[-1], *size)
 
 
-def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
+def test_the_waving_arm_in_a_browser(ros, open_arm, request, tmp_path):
     """Its frames appear and move, and the numbers are those of a lookup."""
     import imageio.v3 as iio
     from rclpy.duration import Duration
 
     from puretf import Buffer, TransformListener
-    start(*ARM)
     buffer = Buffer(Duration(seconds=600), ros.node)
     listener = TransformListener(buffer, ros.node)
-    page = open_page(start(*tool('web_view')))
+    page = open_arm()
 
     # The parts of the page change by separate messages, so not all at the same time.
     scene = page.until(lambda: (
@@ -112,49 +111,71 @@ def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
     listener.unregister()
 
 
-@pytest.mark.parametrize('size', [(1400, 900), (390, 800)], ids=str)
-def test_the_tabs_in_a_browser(start, ros, request, tmp_path, size):
+def test_the_tabs_in_a_browser(ros, listening, open_arm, request, tmp_path):
     """A viewer uses each tab, on a wide screen and on a narrow one."""
-    from browser import pages
-
-    from puretf import Buffer, TransformListener
-    start(*ARM)
-    buffer = Buffer(node=ros.node)
-    listener = TransformListener(buffer, ros.node)
-    view = start(*tool('web_view'))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], *size)
+    page = open_arm(1000, 700)
+    for width, height, frames, joint_1, new in (
+            (1000, 700, 6, 'joint_1', 'camera'), (390, 800, 7, 'joint_1, camera', 'lamp')):
+        page.page.set_viewport_size({'width': width, 'height': height})
+        page.open_tab('Display')
+        page.tick('Axes', True)
         page.scene_with('end_effector')
         page.open_tab('Tree')
-        page.until(lambda: '6 of 6 frames' in page.page.inner_text('[data-text="tree"]'))
+        count = f'{frames} of {frames} frames'
+        page.until(lambda: count in page.page.inner_text('[data-text="tree"]'))  # noqa: B023
         page.button('joint_2')
         selected = page.page.get_by_role('button').filter(has_text='◀')
-        page.until(lambda: selected.filter(has_text='joint_2').count())
+        page.until(lambda: selected.filter(has_text='joint_2').count())  # noqa: B023
         page.tick('Show its branch', False)
-        page.until(lambda: page.scene().names.keys() == {'map, base_link', 'joint_1'})
+        page.until(lambda: page.scene().names.keys() == {'map, base_link', joint_1})  # noqa: B023
         page.tick('Show its branch', True)
-        page.fill('Exclude', '^joint')
+        page.fill('Exclude', '^joint|camera')
         page.until(lambda: page.scene().names.keys() == {'map, base_link', 'end_effector'})
         page.fill('Exclude', '')
         page.open_tab('Display')
         page.tick('Axes', False)
         page.until(lambda: not page.scene().radii.any())
-        page.tick('Axes', True)
         page.open_tab('Pair')
         page.choose('A', 'joint_2')
         page.choose('B', 'joint_3')
         page.until(lambda: page.page.locator('[data-text="pair"]').count())
         page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
-        page.page.screenshot(path=artefact(request, tmp_path, f'web_view_{size[0]}.png'))
+        page.page.screenshot(path=artefact(request, tmp_path, f'web_view_{width}.png'))
         page.open_tab('By hand')
-        page.fill('New frame', 'camera')
+        page.fill('New frame', new)
         page.choose('Parent', 'joint_1')
         page.tick('Publish', True)
-        ros.until(lambda: 'camera' in buffer.frame_names())
+        ros.until(lambda: new in listening.frame_names())  # noqa: B023
         page.open_tab('Frame')
-        page.choose('Frame', 'camera')
+        page.choose('Frame', new)
         page.until(lambda: page.value('publisher') == '/web_view')
-    listener.unregister()
+        move_the_arm(page, ros, listening)
+
+
+def move_the_arm(page, ros, buffer):
+    """Type a number beside a slider, and drag it: the frames of the arm move."""
+    from rclpy.time import Time
+    page.open_tab('Robot')
+
+    def angle():
+        rotation = buffer.lookup_transform('base_link', 'joint_1', Time()).transform.rotation
+        return 2.0 * np.arctan2(rotation.z, rotation.w)
+
+    # Behind the label come a hidden field, the handle and the field with the number.
+    behind = '//label[.="joint_1 (°)"]/following::'
+    page.page.locator(f'xpath={behind}input[2]').fill('30')
+    ros.until(lambda: angle() == pytest.approx(pi / 6))
+    page.button('Centre')
+    ros.until(lambda: angle() == 0.0)
+    box = page.page.locator(f'xpath={behind}*[@role="slider"][1]').bounding_box()
+    mouse = page.page.mouse
+    mouse.move(box['x'] + box['width'] / 2, box['y'] + box['height'] / 2)
+    mouse.down()
+    mouse.move(box['x'] + 500, box['y'])
+    mouse.up()
+    ros.until(lambda: angle() == pytest.approx(pi / 4))
+    page.button('Wave')
+    ros.until(lambda: angle() < 0.0)
 
 
 def middle_of_z_axis(scene, name):

@@ -3,7 +3,7 @@
 from geometry_msgs.msg import PointStamped
 from processes import TIMEOUT
 
-from puretf import Buffer, MessageFilter, TransformListener
+from puretf import MessageFilter
 
 #: Publish messages with increasing numbers, and their transforms 5 ms later.
 SENDER = """if True:
@@ -37,15 +37,14 @@ SENDER = """if True:
     """
 
 
-def test_a_thousand_messages_a_second(ros, start):
+def test_a_thousand_messages_a_second(ros, listening, start):
     """
     All are passed on in order, though their transforms arrive 5 ms after them.
 
     There are not more of them than DDS keeps, as this process may have to wait for others.
     """
-    buffer = Buffer(node=ros.node)
-    listener = TransformListener(buffer, ros.node)
-    message_filter = MessageFilter((PointStamped, 'points', 1000), buffer, 'map', 1000, ros.node)
+    message_filter = MessageFilter(
+        (PointStamped, 'points', 1000), listening, 'map', 1000, ros.node)
     numbers: list[int] = []
     message_filter.registerCallback(lambda message: numbers.append(int(message.point.x)))
     sender = start('-c', SENDER)
@@ -53,4 +52,3 @@ def test_a_thousand_messages_a_second(ros, start):
     ros.until(lambda: len(numbers) == 1000)
     assert numbers == sorted({*numbers})
     assert not any(message_filter.dropped.values())
-    listener.unregister()

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-import time
 
 import bags
-from processes import ARM, TIMEOUT, tool
+from processes import ARM, tool
+from ros_node import eventually
 
 #: The commands that use ROS, and what each prints once it runs.
 COMMANDS = {
@@ -71,8 +71,5 @@ def test_a_page_of_a_bag_opens_the_tcp_port_alone(start, tmp_path):
     process = start(*tool('web_view', '--bag', str(path), '--host', '127.0.0.2',
                           '--port', '18431'))
     process.line_with('http://127.0.0.2:18431')
-    deadline = time.monotonic() + TIMEOUT
-    while not (opened := [*sockets(process.pid)]):
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
-    assert opened == [('tcp', '127.0.0.2', 18431)]
+    eventually(lambda: [*sockets(process.pid)])
+    assert [*sockets(process.pid)] == [('tcp', '127.0.0.2', 18431)]

@@ -10,13 +10,11 @@ from environment import ROOT
 import numpy as np
 from processes import ARM, tool
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_node import LATCHED
 
 from dummy_arm.arm import Arm
 from dummy_arm.check_arm import main as check_arm
 from puretf import TFMessage
-
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def receive(ros, number):
@@ -52,9 +50,7 @@ def test_step_1_static_transform(ros, start):
     echo = start(*tool('tf2_echo', 'map', 'base_link', '--once'))
     assert echo.exit_code() == 0
     assert '- Translation: [1.000, 0.000, 0.000]\n' in echo.output
-    process.end(signal.SIGINT)
-    assert process.exit_code() == 0
-    assert 'Traceback' not in process.output
+    process.end_normally()
 
 
 def test_steps_2_to_4_dynamic_transform(ros, start):
@@ -88,8 +84,7 @@ def test_steps_2_to_4_dynamic_transform(ros, start):
         expected = np.array([cos(half), sin(half), sin(half), cos(half)]) * np.sqrt(0.5)
         np.testing.assert_allclose(
             quaternion * np.sign(quaternion @ expected), expected, atol=1e-9)
-    process.end(signal.SIGTERM)
-    assert process.exit_code() == 0
+    process.end_normally(signal.SIGTERM)
 
 
 def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):

@@ -128,19 +128,20 @@ def test_they_are_re_exports():
         tf2_py.Unknown  # noqa: B018
 
 
-@pytest.mark.parametrize('package', ['tf2_geometry_msgs', 'tf2_ros', 'tf2_sensor_msgs'])
-def test_a_package_imports_its_modules_on_first_use(package):
+def test_a_package_imports_its_modules_on_first_use():
     """Otherwise threads that import it and its modules at the same time wait for each other."""
-    modules = [name.partition('.')[2] for name in API if name.startswith(f'{package}.')]
+    packages = 'tf2_geometry_msgs', 'tf2_ros', 'tf2_sensor_msgs'
+    modules = [name for name in API if name.startswith(tuple(f'{each}.' for each in packages))]
+    assert {name.partition('.')[0] for name in modules} == {*packages}
     subprocess.run([sys.executable, '-c', f"""if True:
-        import sys, {package}
-        assert not [name for name in sys.modules if name.startswith('{package}.')]
-        for name in {modules}:
-            assert getattr({package}, name) is sys.modules['{package}.' + name]
+        import sys, {', '.join(packages)}
+        assert not {{*sys.modules}} & {{*{modules}}}
+        for package, _, name in (each.partition('.') for each in {modules}):
+            assert getattr(sys.modules[package], name) is sys.modules[package + '.' + name]
     """], check=True, timeout=60)
-    assert modules
-    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'unknown'"):
-        import_module(package).unknown  # noqa: B018
+    for package in packages:
+        with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'unknown'"):
+            import_module(package).unknown  # noqa: B018
 
 
 def test_threads_may_import_all_modules_at_the_same_time():

@@ -4,9 +4,7 @@ from threading import Event, Timer
 
 from processes import TIMEOUT
 import pytest
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_node import eventually, stamped
+from ros_node import eventually, LATCHED, stamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
@@ -16,14 +14,17 @@ from puretf_tools.robot.description_listener import RobotListener
 from puretf_tools.view.feed import LiveFeed, Publication
 
 
-@pytest.fixture
-def publication(ros):
-    """Return a function that publishes a frame by several nodes until its delay is known."""
-    nodes: list[Node] = []
+@pytest.fixture(autouse=True)
+def often(monkeypatch):
+    """Let topics be searched for twenty times a second."""
+    monkeypatch.setattr(description_listener, '_SCAN_INTERVAL', 0.05)
 
+
+@pytest.fixture
+def publication(ros, make_node):
+    """Return a function that publishes a frame by several nodes until its delay is known."""
     def publication(*names):
-        nodes.extend(Node(name, context=ros.context) for name in names)
-        broadcasters = [TransformBroadcaster(node) for node in nodes]
+        broadcasters = [TransformBroadcaster(make_node(name)) for name in names]
         feed = LiveFeed(ros.node)
 
         def send():
@@ -41,9 +42,7 @@ def publication(ros):
         ros.until(is_measured)
         return found[-1]
 
-    yield publication
-    for node in nodes:
-        node.destroy_node()
+    return publication
 
 
 def test_a_frame_of_two_nodes(publication):
@@ -79,8 +78,7 @@ def offer(ros):
     pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
 
     def offer(topic, text):
-        publisher = ros.node.create_publisher(
-            String, topic, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        publisher = ros.node.create_publisher(String, topic, LATCHED)
         publisher.publish(String(data=text))
         return publisher
 
@@ -122,7 +120,6 @@ def test_a_robot_that_leaves_while_its_description_is_read(ros, offer, monkeypat
     feed = LiveFeed(ros.node)
     publisher = offer('/robot_description', urdf('one'))
     ros.until(feed.descriptions)
-    monkeypatch.setattr(description_listener, '_SCAN_INTERVAL', 0.0)
 
     def parsed(text):
         ros.node.destroy_publisher(publisher)
@@ -187,22 +184,19 @@ def test_given_descriptions_are_shown_alone(ros, offer):
     assert not ros.node.count_subscribers('/robot_description')
 
 
-def test_descriptions_of_a_namespace(ros, offer):
+def test_descriptions_of_a_namespace(ros, make_node, offer):
     """The page of a namespace has its robots only."""
-    node = Node('page', context=ros.context, namespace='left', cli_args=[
-        '--ros-args', '-r', '/tf:=tf', '-r', '/tf_static:=tf_static'])
-    ros.executor.add_node(node)
-    feed = LiveFeed(node)
+    feed = LiveFeed(make_node('page', namespace='left', is_spun=True, cli_args=[
+        '--ros-args', '-r', '/tf:=tf', '-r', '/tf_static:=tf_static']))
     for topic in '/robot_description', '/right/robot_description', '/left/robot_description':
         offer(topic, urdf('one'))
     ros.until(feed.descriptions)
     assert feed.descriptions().keys() == {'/left/robot_description'}
-    ros.executor.remove_node(node)
-    node.destroy_node()
 
 
-def test_joint_states_without_a_robot_state_publisher(ros):
+def test_joint_states_without_a_robot_state_publisher(ros, monkeypatch):
     """The page says which program is missing."""
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     feed = LiveFeed(ros.node)
     ros.node.create_publisher(JointState, '/joint_states', 1)
     ros.until(lambda: feed.why_no_frames() == (

@@ -1,19 +1,17 @@
 """The listener of the commands: what it says if nothing arrives on /tf."""
 
 from geometry_msgs.msg import TransformStamped
-import pytest
-from rclpy.node import Node
-from ros_node import Ros, stamped
+from ros_node import stamped
 
 from puretf import StaticTransformBroadcaster, TransformBroadcaster
 from puretf_tools.inspection.frame_listener import FrameListener
 
 
-def test_the_remedies(ros):
+def test_the_remedies(ros, make_node, monkeypatch):
     """Other topics are named, until something arrives here or can arrive."""
-    node = Node('listener', context=ros.context, namespace='/a',
-                cli_args=['--ros-args', '-r', '/tf:=/a/tf', '-r', '/tf_static:=/a/tf_static'])
-    listener = FrameListener(node)
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
+    listener = FrameListener(make_node('listener', namespace='/a', cli_args=[
+        '--ros-args', '-r', '/tf:=/a/tf', '-r', '/tf_static:=/a/tf_static']))
     assert listener.topics == ['/a/tf_static', '/a/tf']
     assert listener.other_topics_hint() == ''
     for topic in '/tf', '/b/c/tf', '/tf_old':
@@ -33,7 +31,6 @@ def test_the_remedies(ros):
     ros.until(lambda: listener.other_topics_hint() == hint)
     listener.buffer.set_transform_static(stamped('map', 'camera'), 'test')
     assert listener.other_topics_hint() == ''  # a robot may have static transforms only
-    node.destroy_node()
 
 
 def test_no_remedy_is_needed(ros):
@@ -50,19 +47,11 @@ def test_no_remedy_is_needed(ros):
     assert listener.other_topics_hint() == ''
 
 
-@pytest.fixture
-def student(ros):
-    """Another participant: within one, a topic cannot have two types."""
-    other = Ros(ros.context.get_domain_id())
-    yield other.node
-    other.close()
-
-
-def test_another_type(ros, student):
+def test_another_type(ros, stranger):
     """Publishers of another type are named once each, and do not count as those of transforms."""
     listener = FrameListener(ros.node)
     for topic in '/tf_static', '/tf', '/tf':
-        student.create_publisher(TransformStamped, topic, 10)
+        stranger.node.create_publisher(TransformStamped, topic, 10)
     text = ('/test publishes geometry_msgs/msg/TransformStamped on /tf_static, /test publishes '
             'geometry_msgs/msg/TransformStamped on /tf. The type must be tf2_msgs/msg/TFMessage: '
             'send transforms with a TransformBroadcaster or a StaticTransformBroadcaster. '
@@ -74,10 +63,10 @@ def test_another_type(ros, student):
     assert listener.why_no_transform('map', 'camera').count(text) == 1
 
 
-def test_another_type_beside_transforms(ros, student):
+def test_another_type_beside_transforms(ros, stranger):
     """The cause of a missing frame is named where other frames exist."""
     listener = FrameListener(ros.node)
-    student.create_publisher(TransformStamped, '/tf', 10)
+    stranger.node.create_publisher(TransformStamped, '/tf', 10)
     listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
     ros.until(listener.wrong_type_hint)
     assert 'on /tf. The type must be' in listener.why_no_transform('map', 'camera')

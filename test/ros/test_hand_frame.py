@@ -3,7 +3,6 @@
 import shlex
 
 import pytest
-from rclpy.node import Node
 from rclpy.time import Time
 from ros_node import stamped
 
@@ -31,14 +30,6 @@ def feed(ros):
 def publisher(feed):
     """What publishes the frames of the viewers."""
     return feed.hand_publisher
-
-
-@pytest.fixture
-def other(ros):
-    """Another node."""
-    node = Node('other', context=ros.context)
-    yield node
-    node.destroy_node()
 
 
 def numbers(buffer, parent='map'):

@@ -10,9 +10,7 @@ from typing import Any
 from messages import golden_messages, ignore
 from processes import TIMEOUT
 import pytest
-from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
@@ -73,9 +71,9 @@ def test_callbacks_cannot_be_overridden(ros):
     assert ([*ros.node.subscriptions], [*ros.node.guards]) == before
 
 
-def test_each_transform_is_of_the_node_that_sent_it(ros, listener):
+def test_each_transform_is_of_the_node_that_sent_it(ros, make_node, listener):
     """The publisher is known while several nodes publish, and after it has ended."""
-    other = Node('other', context=ros.context, namespace='/robot')
+    other = make_node('other', namespace='/robot')
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'b'))
     dynamic = [TransformBroadcaster(ros.node), TransformBroadcaster(other)]
@@ -93,9 +91,8 @@ def test_each_transform_is_of_the_node_that_sent_it(ros, listener):
     assert listener.names_of([gid, 'none']) == {gid: '/robot/other', 'none': UNKNOWN}
 
 
-def test_the_newest_publisher_counts(ros, listener):
+def test_the_newest_publisher_counts(ros, other, listener):
     """If two nodes publish the same frame, its publisher is that of the newest transform."""
-    other = Node('other', context=ros.context)
     for stamp, node, expected in (1, other, '/other'), (2, ros.node, '/test'):
         broadcaster = TransformBroadcaster(node)
         eventually(broadcaster.pub_tf.get_subscription_count)
@@ -103,15 +100,6 @@ def test_the_newest_publisher_counts(ros, listener):
         assert listener.buffer.can_transform(
             'map', 'a', Time(seconds=stamp), Duration(seconds=TIMEOUT))
         eventually(lambda: publisher_of(listener, 'a') == expected)  # noqa: B023
-    other.destroy_node()
-
-
-@pytest.fixture
-def other(ros):
-    """Another node that publishes."""
-    node = Node('other', context=ros.context)
-    yield node
-    node.destroy_node()
 
 
 def gid_of(listener, name):
@@ -146,23 +134,19 @@ def test_a_publisher_that_ended_before_cyclone_dds_was_asked_is_unknown(
     assert listener.is_present(gid_of(listener, 'a')) is None
 
 
-def test_without_gids_the_only_publisher_of_the_topic_has_sent_it(ros, other, handles, listener):
+def test_without_gids_the_only_publisher_of_the_topic_has_sent_it(
+        ros, other, stranger, handles, listener):
     """The other topic, and publishers of other types, do not matter."""
     TransformBroadcaster(other)
-    context = Context()  # a participant has only one type for each topic
-    context.init(domain_id=ros.context.get_domain_id())
-    strings = Node('strings', context=context)
-    strings.create_publisher(String, '/tf_static', 1)
+    stranger.node.create_publisher(String, '/tf_static', 1)
     eventually(lambda: [info.node_name for info in ros.node.get_publishers_info_by_topic(
-        '/tf_static')] == ['strings'])
+        '/tf_static')] == ['test'])
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
     eventually(lambda: publisher_of(listener, 'a') == '/test')
     gid = gid_of(listener, 'a')
     assert len(handles) == 1
     assert gid not in listener.present
     assert listener.is_present(gid) is None
-    strings.destroy_node()
-    context.try_shutdown()
 
 
 def test_without_gids_it_is_one_of_the_publishers_of_the_topic(ros, other, handles, listener):

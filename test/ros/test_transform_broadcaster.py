@@ -9,21 +9,17 @@ from geometry_msgs.msg import TransformStamped
 from messages import ignore
 import numpy as np
 import pytest
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
-from ros_node import run_in_thread
+from ros_node import LATCHED, run_in_thread
 
 from puretf import StaticTransformBroadcaster, TFMessage, Transform, TransformBroadcaster
 from puretf._core import texts
-
-LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
@@ -93,22 +89,15 @@ def test_quality_of_service(ros, broadcaster, topic, durability):
     assert ros.node.has_parameter(f'qos_overrides.{topic}.publisher.depth')
 
 
-@pytest.mark.parametrize('several', [list, iter])
-def test_sends_any_iterable_in_one_message(ros, received, several):
-    """The iterable may be a sequence or an iterator."""
-    pair = [transform('map', 'a', 1.5), transform('/a', 'b')]
-    TransformBroadcaster(ros.node).sendTransform(several(pair))
+@pytest.mark.parametrize(('count', 'given'), [
+    (1, lambda transforms: transforms[0]), (2, list), (2, iter)], ids=['one', 'list', 'iterator'])
+def test_one_transform_or_any_iterable_is_one_message(ros, received, count, given):
+    """A single transform needs no list; all arrive as they were sent."""
+    sent = [transform('map', 'odom', 2.0, (0.0, 0.0, 0.6, 0.8)), transform('/a', 'b')][:count]
+    sent[0].header.stamp = Time(nanoseconds=1_700_000_000_123_456_789).to_msg()
+    TransformBroadcaster(ros.node).sendTransform(given(sent))
     ros.until(lambda: received)
-    assert received == [pair]
-
-
-def test_sends_one_transform(ros, received):
-    """A single transform needs no list, and arrives as it was sent."""
-    message = transform('map', 'odom', 2.0, (0.0, 0.0, 0.6, 0.8))
-    message.header.stamp = Time(nanoseconds=1_700_000_000_123_456_789).to_msg()
-    TransformBroadcaster(ros.node).sendTransform(message)
-    ros.until(lambda: received)
-    assert received == [[message]]
+    assert received == [sent]
 
 
 BAD = [
@@ -300,11 +289,7 @@ def test_a_prepared_set_sends_huge_numbers_without_a_warning(ros, received):
     assert received[0][1].transform.translation.x == 1.7e308
 
 
-def test_a_remapping_applies(domain_id):
+def test_a_remapping_applies(make_node):
     """The remapping `-r /tf:=…` of a node applies to its broadcasters."""
-    context = Context()
-    context.init(args=['--ros-args', '-r', '/tf:=/robot/tf'], domain_id=domain_id)
-    node = Node('remapped', context=context)
+    node = make_node('remapped', cli_args=['--ros-args', '-r', '/tf:=/robot/tf'])
     assert TransformBroadcaster(node).pub_tf.topic_name == '/robot/tf'
-    node.destroy_node()
-    context.shutdown()

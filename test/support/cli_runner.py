@@ -10,6 +10,7 @@ from typing import Any, IO, NamedTuple
 from participants import destroy_newest
 from processes import ARM, open_terminal, Process, reserved_domain, TIMEOUT
 import pytest
+from ros_node import eventually
 
 from puretf_tools.cli.signals import forget_signals
 
@@ -124,6 +125,18 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
     result = Result(code, outputs[0].text, outputs[1].text)
     assert not is_ended or until(result.stdout + result.stderr), f'waited in vain: {result}'
     return result
+
+
+def once(condition: Callable[[], object]) -> Callable[[str], bool]:
+    """Return an `until` for `call`: a condition is waited for, and need not hold later."""
+    def wait(_: str) -> bool:
+        if not has_held:
+            eventually(condition)
+            has_held.append(True)
+        return True
+
+    has_held: list[bool] = []
+    return wait
 
 
 @pytest.fixture(scope='session')

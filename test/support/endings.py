@@ -12,6 +12,7 @@ Programs, which end with exit code 0 and without output but 'ready':
 from contextlib import suppress
 from itertools import permutations
 import os
+import signal
 import sys
 import threading
 import time
@@ -121,6 +122,16 @@ def end_in_every_order(domain, where):
         assert not ending.thread.is_alive()
         ending.node.destroy_node()
         context.try_shutdown()
+
+
+def check_end(start, way):
+    """Start a program that ends in a way, if need be by SIGINT; check that it ends cleanly."""
+    process = start(__file__, way)
+    if way in ('spin', 'lookup'):
+        process.line_with('ready')
+        process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert without_library_lines(process.output) in ('', 'ready\n')
 
 
 def by_end():

@@ -27,6 +27,7 @@ from xml.parsers import expat
 import bags
 from environment import DATA
 from mcap.writer import Writer
+from messages import golden_messages
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -108,13 +109,6 @@ class Fields(NamedTuple):
     nanosec: int
     names: tuple[Any, ...]  #: frame_id and child_frame_id, as bytes or as texts
     pose: bytes
-
-
-@cache
-def golden_messages() -> list[bytes]:
-    """Return the bytes of messages that the type support of tf2_msgs has serialized."""
-    cases = json.loads((DATA / 'tf_message_cdr.json').read_text())['cases']
-    return [bytes.fromhex(case['cdr_hex']) for case in cases]
 
 
 @cache
@@ -228,7 +222,7 @@ def _check_by_fast_cdr(raw: list[Fields], ours: list[Fields], order: str) -> Non
 
 def seeds_of_cdr() -> Iterator[bytes]:
     """Yield golden messages, one of them big-endian, and one with odd strings."""
-    yield from golden_messages()
+    yield from (bytes.fromhex(case['cdr_hex']) for case in golden_messages())
     rows = golden_rows()[0][:2]
     types = _types(2)
     message = types.deserialize_cdr(cdr.pack(rows), TF)

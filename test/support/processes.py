@@ -142,6 +142,12 @@ class Process:
         self._popen.wait(timeout)
         return time.monotonic() - start
 
+    def end_normally(self, signal_number: int = signal.SIGINT) -> None:
+        """Send a signal; the process must end with exit code 0 and without a traceback."""
+        self.end(signal_number)
+        assert self.exit_code() == 0, self.output
+        assert 'Traceback' not in self.output
+
     def press_ctrl_c(self) -> None:
         """Send SIGINT to the process and to all that it has started, as a terminal does."""
         os.killpg(self._popen.pid, signal.SIGINT)
@@ -212,6 +218,12 @@ def is_running(pid: int) -> bool:
         return False
 
 
+def cpu_seconds(pid: int) -> float:
+    """Return the CPU time that a process has used (s)."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return int(fields[11]) / os.sysconf('SC_CLK_TCK')
+
+
 def open_terminal(columns: int) -> tuple[int, int]:
     """Open a terminal of 24 lines; return the descriptors that read and write its text."""
     import fcntl  # Windows has none of these
@@ -225,11 +237,11 @@ def open_terminal(columns: int) -> tuple[int, int]:
 
 @pytest.fixture
 def start(domain_id: int) -> Iterator[Callable[..., Process]]:
-    """Start programs by `start('-m', 'module', …)`, and end them after the test."""
+    """Start programs by `start('-m', 'module', …, domain=…)`, and end them after the test."""
     processes = []
 
-    def start_process(*arguments: str, **kwargs: Any) -> Process:
-        processes.append(Process(domain_id, *arguments, **kwargs))
+    def start_process(*arguments: str, domain: int = domain_id, **kwargs: Any) -> Process:
+        processes.append(Process(domain, *arguments, **kwargs))
         return processes[-1]
 
     yield start_process

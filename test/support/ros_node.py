@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import signal
 import threading
 import time
-from typing import Optional, TypeVar
+from typing import Any, Optional, TypeVar
 
 from geometry_msgs.msg import TransformStamped
 from processes import own_pids, Process, TIMEOUT
@@ -13,6 +13,7 @@ import pytest
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from rclpy.utilities import (
     get_default_context,
@@ -21,11 +22,14 @@ from rclpy.utilities import (
     try_shutdown,
 )
 
+from puretf import Buffer, TransformListener
+from puretf._core.engine import engine_of
 from puretf_tools.cli.fast_dds import destroy
 from puretf_tools.cli.node import ros_context
 
 NodeType = TypeVar('NodeType', bound=Node)
 _Result = TypeVar('_Result')
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _RECOVERY = 3.0  # s; Fast DDS gives up the lock of a killed process after 1 s
 
 
@@ -34,7 +38,7 @@ class Ros:
 
     def __init__(self, domain: int, context: Optional[Context] = None) -> None:
         """Create a node and its executor, and a context in the domain if none is given."""
-        self.context = context or Context()
+        self.context, self.domain = context or Context(), domain
         if context is None:
             self.context.init(domain_id=domain)
         self.node = Node('test', context=self.context)
@@ -83,8 +87,8 @@ class Ros:
     def foreign_publishers_text(self) -> str:
         """Return a text that names the foreign publishers and the remedy; '' if there is none."""
         if publishers := self.foreign_publishers():
-            return (f'In the domain {self.context.get_domain_id()} of this test, other processes '
-                    f'publish TF: {", ".join(publishers)}. End them.')
+            return (f'In the domain {self.domain} of this test, other processes publish TF: '
+                    f'{", ".join(publishers)}. End them.')
         return ''
 
     def close(self) -> None:
@@ -126,6 +130,17 @@ def eventually(condition: Callable[[], object]) -> None:
         time.sleep(0.002)
 
 
+def when_awaited(buffer: Any, call: Callable[[], object]) -> threading.Thread:
+    """Call a function in a thread as soon as a lookup or a future waits; return the thread."""
+    def run() -> None:
+        eventually(lambda: engine_of(buffer).is_awaited)
+        call()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
 def run_in_thread(work: Callable[[], _Result]) -> _Result:
     """Call a function in a thread, wait until it returns, and return its result."""
     results: list[_Result] = []
@@ -153,6 +168,50 @@ def ros(domain_id: int) -> Iterator[Ros]:
     text = node.foreign_publishers_text()
     node.close()
     assert not text, text
+
+
+@pytest.fixture
+def stranger(domain_id: int) -> Iterator[Ros]:
+    """A node of another participant: within one, a topic cannot have two types."""
+    node = Ros(domain_id)
+    yield node
+    node.close()
+
+
+@pytest.fixture
+def make_node(ros: Ros) -> Iterator[Callable[..., Node]]:
+    """
+    Create nodes of the participant of `ros` by `make_node(name, …)`; destroy them after the test.
+
+    With `is_spun=True`, `ros` spins the node, too; `kind` is its class.
+    """
+    nodes: list[Node] = []
+
+    def make(*args: Any, is_spun: bool = False, kind: type[Node] = Node, **kwargs: Any) -> Node:
+        nodes.append(kind(*args, context=ros.context, **kwargs))
+        if is_spun:
+            ros.executor.add_node(nodes[-1])
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        ros.executor.remove_node(node)
+        node.destroy_node()
+
+
+@pytest.fixture
+def other(make_node: Callable[..., Node]) -> Node:
+    """The node /other."""
+    return make_node('other')
+
+
+@pytest.fixture
+def listening(ros: Ros) -> Iterator[Buffer]:
+    """A buffer with the transforms that arrive at the node of the test."""
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    yield buffer
+    listener.unregister()
 
 
 @pytest.fixture
