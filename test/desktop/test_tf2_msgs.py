@@ -52,8 +52,7 @@ def test_messages_of_lookups_have_floats(runs):
     """Compiled code does not check numbers, so the results must have none but floats."""
     runs("""
 from rclpy.serialization import deserialize_message, serialize_message
-from puretf import Buffer
-from puretf.buffer_core import to_message
+from puretf import Buffer, Transform
 
 def sent(*messages):
     data = serialize_message(TFMessage(transforms=messages))
@@ -67,7 +66,7 @@ assert TFMessage.__class__._TYPE_SUPPORT is not None
 buffer = Buffer()
 buffer.set_transform_static(wrong, 'test')
 found = buffer.lookup_transform('map', 'wrong', Time())
-made = to_message('map', 'wrong', (0, (3, 0, 0, 0, 0, 0, 1)))
+made = Transform(0, 'map', 'wrong', (3, 0, 0), (0, 0, 0, 1)).to_message()
 assert sent(found, made) == [found, made]
 assert (found.transform.translation.x, found.transform.rotation.w) == (3.0, 1.0)
 """)

@@ -53,7 +53,7 @@ def buffer(listening):
 def passing(monkeypatch):
     """Let time since the last arrival pass by `passing(seconds)`."""
     return lambda seconds: monkeypatch.setattr(
-        'puretf._core.tree.monotonic_ns', lambda: monotonic_ns() + seconds * S)
+        'puretf._core.failures.monotonic_ns', lambda: monotonic_ns() + seconds * S)
 
 
 def error_of(buffer, time=0, source='base'):
