@@ -36,8 +36,6 @@ class Neighbours:
     have the same stamps, so the next history is searched only if its stamps differ.
     """
 
-    __slots__ = ('indices', 'ratios', 'stamps', 'times')
-
     def __init__(self, times: NDArray[np.int64]) -> None:
         self.times = times
         #: (2, n) the indices of the samples, counted from `History.start`.
@@ -78,10 +76,6 @@ class History:
     `refusal` its time of arrival.
     """
 
-    __slots__ = ('all_parents', 'arrival', 'authority', 'cache_time', 'only_parent', 'parents',
-                 'poses', 'refusal', 'refused', 'refused_authority', 'refused_stamp', 'repeated',
-                 'stamps', 'start')
-
     is_static = False
 
     def __init__(self, cache_time: int) -> None:
@@ -110,17 +104,12 @@ class History:
         return self.stamps[self.start] if self.stamps else 0
 
     def state(self, until: int) -> Optional[State]:
-        stamps, start = self.stamps, self.start
-        newest = len(stamps) - 1
-        if newest < start:
+        try:
+            newest = self.find(min(until, self.latest) if until else 0)
+        except NoPose:
             return None
-        if until and until < stamps[newest]:
-            try:
-                newest = self.find(until)
-            except NoPose:
-                return None
-        return (self.parent_of(newest), self.authority, False, newest - start + 1,
-                stamps[newest], stamps[start])
+        return (self.parent_of(newest), self.authority, False, newest - self.start + 1,
+                self.stamps[newest], self.oldest)
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
@@ -325,8 +314,6 @@ class History:
 
 class StaticHistory:
     """The history of a static frame: one pose, which holds at all times."""
-
-    __slots__ = ('authority', 'only_parent', 'pose')
 
     is_static = True
     parents = None

@@ -18,8 +18,6 @@ class Path:
     then down to the target frame. An edge is represented by the history of its child frame.
     """
 
-    __slots__ = ('edges', 'from_source', 'from_target')
-
     def __init__(self, from_source: Sequence[AnyHistory], from_target: Sequence[AnyHistory]
                  ) -> None:
         self.from_source, self.from_target = from_source, from_target
