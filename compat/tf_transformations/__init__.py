@@ -12,6 +12,7 @@ these names come, and of which transforms3d contains a copy.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -106,10 +107,7 @@ def concatenate_matrices(*matrices: ArrayLike) -> Array:
     :param matrices: (4, 4) each; the last one is applied first.
     :returns: (4, 4); the identity if there are no matrices.
     """
-    result = np.identity(4)
-    for matrix in matrices:
-        result = result @ np.asarray(matrix, np.float64)
-    return result
+    return reduce(np.matmul, matrices, np.identity(4))
 
 
 def is_same_transform(matrix0: ArrayLike, matrix1: ArrayLike) -> bool:
