@@ -99,13 +99,11 @@ def run(parser: Parser, command: Callable[..., int],
     except BrokenPipeError:  # for example, the output is piped to `head`, which has ended
         _close_stdout()
         return interrupted
-    except (UsageError, CommandError) as error:
+    except (UsageError, CommandError, OSError) as error:
+        if isinstance(error, OSError):
+            _close_stdout()
         print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
-    except OSError as error:
-        _close_stdout()
-        print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
-        return 1
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
