@@ -159,7 +159,10 @@ class History:
                     return True
                 if position - first >= MAX_SAMPLES_PER_STAMP:
                     position -= 1
-                    self._delete(position)
+                    del self.poses[position * POSE_BYTES:(position + 1) * POSE_BYTES]
+                    del stamps[position]
+                    if self.parents is not None:
+                        del self.parents[position]
             if self.parents is None and parent != self.only_parent:
                 self.parents, self.only_parent = [self.only_parent] * len(stamps), ''
         else:
@@ -177,12 +180,6 @@ class History:
         count = len(self.stamps)
         return len(self.poses) == count * POSE_BYTES and (
             self.parents is None or len(self.parents) == count)
-
-    def _delete(self, index: int) -> None:
-        if self.parents is not None:
-            del self.parents[index]
-        del self.poses[index * POSE_BYTES:(index + 1) * POSE_BYTES]
-        del self.stamps[index]
 
     def drop_before(self, start: int) -> None:
         self.start = start

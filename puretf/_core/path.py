@@ -57,8 +57,7 @@ class Path:
 
         The parents must be constant. Return (n, 7) poses, and (n,) bool: True where there is one.
         """
-        if not times.all():
-            times = np.where(times == 0, self.latest_common_time(), times)
+        times = np.where(times == 0, self.latest_common_time(), times)
         begin, end = self.span()
         known = (begin <= times) & (times <= end)
         if not known.any():
