@@ -2,13 +2,7 @@
 
 import _dummy_arm_tf2.ros
 import _dummy_arm_tf2.submodules
-from _dummy_arm_tf2.unavailable import BufferClient as BufferClient
-from _dummy_arm_tf2.unavailable import FrameGraph as FrameGraph
-from _dummy_arm_tf2.unavailable import FrameGraphSrvRequest as FrameGraphSrvRequest
-from _dummy_arm_tf2.unavailable import FrameGraphSrvResponse as FrameGraphSrvResponse
-from _dummy_arm_tf2.unavailable import LookupTransform as LookupTransform
-from _dummy_arm_tf2.unavailable import LookupTransformGoal as LookupTransformGoal
-from _dummy_arm_tf2.unavailable import LookupTransformResult as LookupTransformResult
+from _dummy_arm_tf2.unavailable import *  # noqa: F403
 from geometry_msgs.msg import PointStamped as PointStamped
 from geometry_msgs.msg import PoseStamped as PoseStamped
 from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
