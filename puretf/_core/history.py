@@ -284,9 +284,7 @@ class History:
 
     def parent_changes(self) -> list[int]:
         """Return the stamps (ns) of the samples whose parent is not that of the sample before."""
-        parents = self.parents
-        if parents is None:
-            return []
+        parents = self.parents or []
         return [self.stamps[i] for i in range(self.start + 1, len(parents))
                 if parents[i] != parents[i - 1]]
 

@@ -166,9 +166,8 @@ def may_be_connected(tree: FrameTree, frame: str, other: str) -> bool:
 
     From both frames upwards, every parent that occurs in a history is followed.
     """
-    if tree.problem(frame) or tree.problem(other):
-        return False
-    return not tree.all_ancestors(frame).isdisjoint(tree.all_ancestors(other))
+    return not (tree.problem(frame) or tree.problem(other)
+                or tree.all_ancestors(frame).isdisjoint(tree.all_ancestors(other)))
 
 
 def _append(tree: FrameTree, chain: list[str], frame: str) -> None:
