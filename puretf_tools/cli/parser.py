@@ -125,11 +125,8 @@ def _close_stdout() -> None:
 def _without_ros_args(arguments: list[str]) -> list[str]:
     try:
         from rclpy.utilities import remove_ros_args
-    except ImportError:
-        return _without_ros_args_by_hand(arguments)
-    try:
         return list(remove_ros_args(arguments))
-    except UnicodeEncodeError:  # for example, the path of a file; see also ros_context
+    except (ImportError, UnicodeEncodeError):  # the path of a file, perhaps; see also ros_context
         return _without_ros_args_by_hand(arguments)
     except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
         text = rcl_error_text(error)
