@@ -20,6 +20,10 @@ from std_msgs.msg import Header
 from puretf import geometry
 from puretf.exceptions import is_of_rosbags
 
+__all__ = ['BufferInterface', 'ConvertRegistration', 'MsgStamped', 'NotImplementedException',
+           'PyKDLType', 'Stamped', 'TransformRegistration', 'TransformableObject',
+           'TransformableObjectType', 'TypeException', 'convert']
+
 MsgStamped = Any
 PyKDLType = Any
 TransformableObject = Any

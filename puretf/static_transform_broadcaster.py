@@ -58,7 +58,7 @@ class StaticTransformBroadcaster:
 
     def _send(self, transforms: list[TransformStamped], kept: dict[str, cdr.Fields]) -> None:
         with explain_bad_fields(transforms), self._lock:
-            new = fields_to_send(transforms)
+            new = [*fields_to_send(transforms)]
             cdr.pack_fields(new)  # raises the errors before anything changes
             self._sent = kept | {fields[3].removeprefix('/'): fields for fields in new}
             self.pub_tf.publish(cdr.pack_fields([*self._sent.values()]))

@@ -64,7 +64,7 @@ class TransformBroadcaster:
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms):
-            fields = fields_to_send(transforms)
+            fields = [*fields_to_send(transforms)]
             self.pub_tf.publish(cdr.pack_fields(fields))
         self._note(child for _, _, _, child, _ in fields)
 

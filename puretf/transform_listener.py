@@ -20,7 +20,7 @@ from puretf._core.engine import Engine, engine_of
 from puretf._core.hints import Blocked, Surroundings
 from puretf._core.texts import ThrottledLog
 from puretf._ros.graph import blocked_nodes, surroundings
-from puretf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
+from puretf._ros.listener_thread import ListenerThread, NodeThread, SpinThread
 from puretf._ros.messages import TFMessage
 from puretf._ros.other_topics import OtherTopics
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC
@@ -205,12 +205,11 @@ class TransformListener:
 
     def _converted(self, message: TransformStamped) -> Union[TransformStamped, Transform]:
         """Convert a transform to the type that `set_transform` of the buffer takes."""
-        if isinstance(self._buffer, TransformBuffer):
-            return Transform.from_message(message)
-        return message
+        is_ours = isinstance(self._buffer, TransformBuffer)
+        return Transform.from_message(message) if is_ours else message
 
-    def _work(self) -> Round:
-        """Do one round of the listener's thread: insert the messages that have arrived."""
+    def _work(self) -> tuple[bool, bool, float]:
+        """Insert the messages that have arrived; the `work` of a ListenerThread."""
         for monitor in self._qos_monitors:
             monitor.check()
         engine, has_news, is_urgent, pause = self._engine, False, False, 0.0
@@ -226,7 +225,7 @@ class TransformListener:
             if engine.is_awaited:
                 pause = 0.0
         self._log.flush()
-        return Round(has_news, is_urgent, pause)
+        return has_news, is_urgent, pause
 
     def _on_fault(self, error: BaseException) -> None:
         """Count malformed messages, and log each kind once; log other errors once a second."""

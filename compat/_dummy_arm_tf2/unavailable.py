@@ -2,6 +2,9 @@
 
 from typing import Any, NoReturn, TypeVar
 
+__all__ = ['BufferClient', 'FrameGraph', 'FrameGraphSrvRequest', 'FrameGraphSrvResponse',
+           'LookupTransform', 'LookupTransformGoal', 'LookupTransformResult']
+
 _REMEDY = ('needs services and actions of tf2_msgs, which only ROS has. To look up transforms, '
            'use a Buffer and a TransformListener, which takes much less CPU time here than in ROS')
 

@@ -2,13 +2,7 @@
 
 import _dummy_arm_tf2.ros
 import _dummy_arm_tf2.submodules
-from _dummy_arm_tf2.unavailable import BufferClient as BufferClient
-from _dummy_arm_tf2.unavailable import FrameGraph as FrameGraph
-from _dummy_arm_tf2.unavailable import FrameGraphSrvRequest as FrameGraphSrvRequest
-from _dummy_arm_tf2.unavailable import FrameGraphSrvResponse as FrameGraphSrvResponse
-from _dummy_arm_tf2.unavailable import LookupTransform as LookupTransform
-from _dummy_arm_tf2.unavailable import LookupTransformGoal as LookupTransformGoal
-from _dummy_arm_tf2.unavailable import LookupTransformResult as LookupTransformResult
+from _dummy_arm_tf2.unavailable import *  # noqa: F403
 from geometry_msgs.msg import PointStamped as PointStamped
 from geometry_msgs.msg import PoseStamped as PoseStamped
 from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
@@ -19,30 +13,14 @@ from rclpy.node import Node as Node
 from rclpy.qos import QoSProfile as QoSProfile
 from rclpy.time import Time as Time
 from std_msgs.msg import Header as Header
-from tf2_py import BufferCore as BufferCore
-from tf2_py import ConnectivityException as ConnectivityException
-from tf2_py import ExtrapolationException as ExtrapolationException
-from tf2_py import InvalidArgumentException as InvalidArgumentException
-from tf2_py import LookupException as LookupException
-from tf2_py import TimeoutException as TimeoutException
-from tf2_py import TransformException as TransformException
+from tf2_py import *  # noqa: F403
 
 from puretf import Buffer as Buffer
-from puretf import BufferInterface as BufferInterface
-from puretf import convert as convert
-from puretf import ConvertRegistration as ConvertRegistration
-from puretf import MsgStamped as MsgStamped
-from puretf import NotImplementedException as NotImplementedException
-from puretf import PyKDLType as PyKDLType
-from puretf import Stamped as Stamped
 from puretf import StaticTransformBroadcaster as StaticTransformBroadcaster
 from puretf import TFMessage as TFMessage
-from puretf import TransformableObject as TransformableObject
-from puretf import TransformableObjectType as TransformableObjectType
 from puretf import TransformBroadcaster as TransformBroadcaster
 from puretf import TransformListener as TransformListener
-from puretf import TransformRegistration as TransformRegistration
-from puretf import TypeException as TypeException
+from puretf.buffer_interface import *  # noqa: F403
 
 _dummy_arm_tf2.submodules.import_on_use(
     __name__, 'buffer', 'buffer_client', 'buffer_interface', 'static_transform_broadcaster',

@@ -10,14 +10,4 @@ from rclpy.duration import Duration as Duration
 from rclpy.time import Time as Time
 from std_msgs.msg import Header as Header
 
-from puretf.buffer_interface import BufferInterface as BufferInterface
-from puretf.buffer_interface import convert as convert
-from puretf.buffer_interface import ConvertRegistration as ConvertRegistration
-from puretf.buffer_interface import MsgStamped as MsgStamped
-from puretf.buffer_interface import NotImplementedException as NotImplementedException
-from puretf.buffer_interface import PyKDLType as PyKDLType
-from puretf.buffer_interface import Stamped as Stamped
-from puretf.buffer_interface import TransformableObject as TransformableObject
-from puretf.buffer_interface import TransformableObjectType as TransformableObjectType
-from puretf.buffer_interface import TransformRegistration as TransformRegistration
-from puretf.buffer_interface import TypeException as TypeException
+from puretf.buffer_interface import *  # noqa: F403

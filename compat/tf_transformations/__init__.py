@@ -12,6 +12,7 @@ these names come, and of which transforms3d contains a copy.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -24,53 +25,19 @@ from puretf.rotations import quaternion_about_axis as quaternion_about_axis
 from puretf.rotations import quaternion_from_euler as quaternion_from_euler
 from puretf.rotations import quaternion_multiply as quaternion_multiply
 
-__all__ = [
-    'ROTATION_IDENTITY',
-    'SHEAR_IDENTITY',
-    'TRANSLATION_IDENTITY',
-    'ZOOM_IDENTITY',
-    'Arcball',
-    'arcball_constrain_to_axis',
-    'arcball_map_to_sphere',
-    'arcball_nearest_axis',
-    'clip_matrix',
-    'compose_matrix',
-    'concatenate_matrices',
-    'decompose_matrix',
-    'euler_from_matrix',
-    'euler_from_quaternion',
-    'euler_matrix',
-    'identity_matrix',
-    'inverse_matrix',
-    'is_same_transform',
-    'orthogonalization_matrix',
-    'projection_from_matrix',
-    'projection_matrix',
-    'quaternion_about_axis',
-    'quaternion_conjugate',
-    'quaternion_from_euler',
-    'quaternion_from_matrix',
-    'quaternion_inverse',
-    'quaternion_matrix',
-    'quaternion_multiply',
-    'quaternion_slerp',
-    'random_quaternion',
-    'random_rotation_matrix',
-    'random_vector',
-    'reflection_from_matrix',
-    'reflection_matrix',
-    'rotation_from_matrix',
-    'rotation_matrix',
-    'scale_from_matrix',
-    'scale_matrix',
-    'shear_from_matrix',
-    'shear_matrix',
-    'superimposition_matrix',
-    'translation_from_matrix',
-    'translation_matrix',
-    'unit_vector',
-    'vector_norm',
-]
+__all__ = ['ROTATION_IDENTITY', 'SHEAR_IDENTITY', 'TRANSLATION_IDENTITY', 'ZOOM_IDENTITY',
+           'Arcball', 'arcball_constrain_to_axis', 'arcball_map_to_sphere', 'arcball_nearest_axis',
+           'clip_matrix', 'compose_matrix', 'concatenate_matrices', 'decompose_matrix',
+           'euler_from_matrix', 'euler_from_quaternion', 'euler_matrix', 'identity_matrix',
+           'inverse_matrix', 'is_same_transform', 'orthogonalization_matrix',
+           'projection_from_matrix', 'projection_matrix', 'quaternion_about_axis',
+           'quaternion_conjugate', 'quaternion_from_euler', 'quaternion_from_matrix',
+           'quaternion_inverse', 'quaternion_matrix', 'quaternion_multiply', 'quaternion_slerp',
+           'random_quaternion', 'random_rotation_matrix', 'random_vector',
+           'reflection_from_matrix', 'reflection_matrix', 'rotation_from_matrix',
+           'rotation_matrix', 'scale_from_matrix', 'scale_matrix', 'shear_from_matrix',
+           'shear_matrix', 'superimposition_matrix', 'translation_from_matrix',
+           'translation_matrix', 'unit_vector', 'vector_norm']
 
 Array = NDArray[np.float64]
 
@@ -106,10 +73,7 @@ def concatenate_matrices(*matrices: ArrayLike) -> Array:
     :param matrices: (4, 4) each; the last one is applied first.
     :returns: (4, 4); the identity if there are no matrices.
     """
-    result = np.identity(4)
-    for matrix in matrices:
-        result = result @ np.asarray(matrix, np.float64)
-    return result
+    return reduce(np.matmul, matrices, np.identity(4))
 
 
 def is_same_transform(matrix0: ArrayLike, matrix1: ArrayLike) -> bool:

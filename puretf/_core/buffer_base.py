@@ -94,9 +94,8 @@ class BufferBase:
             with self._engine.reading():
                 self._engine.lookups.check(target_frame, source_frame, time)
             return ''
-        except TransformException as raised:
-            error = raised
-        return str(error) if has_hint else tf2_words(error)
+        except TransformException as error:
+            return str(error) if has_hint else tf2_words(error)
 
     def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
                           ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:

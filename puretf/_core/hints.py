@@ -10,14 +10,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, Optional
 
 from puretf._core.similar_names import difference, may_be_one_robot, suggest_names
-from puretf._core.texts import (
-    comma_list,
-    MAX_TOPICS,
-    quoted,
-    see,
-    shortened,
-    TF_MESSAGE,
-)
+from puretf._core.texts import comma_list, MAX_TOPICS, quoted, see, shortened, TF_MESSAGE
 from puretf._core.times import exact_time, SECOND
 from puretf.exceptions import ExtrapolationException, TransformException, with_hint
 

@@ -36,8 +36,6 @@ class Neighbours:
     have the same stamps, so the next history is searched only if its stamps differ.
     """
 
-    __slots__ = ('indices', 'ratios', 'stamps', 'times')
-
     def __init__(self, times: NDArray[np.int64]) -> None:
         self.times = times
         #: (2, n) the indices of the samples, counted from `History.start`.
@@ -78,10 +76,6 @@ class History:
     `refusal` its time of arrival.
     """
 
-    __slots__ = ('all_parents', 'arrival', 'authority', 'cache_time', 'only_parent', 'parents',
-                 'poses', 'refusal', 'refused', 'refused_authority', 'refused_stamp', 'repeated',
-                 'stamps', 'start')
-
     is_static = False
 
     def __init__(self, cache_time: int) -> None:
@@ -110,17 +104,12 @@ class History:
         return self.stamps[self.start] if self.stamps else 0
 
     def state(self, until: int) -> Optional[State]:
-        stamps, start = self.stamps, self.start
-        newest = len(stamps) - 1
-        if newest < start:
+        try:
+            newest = self.find(min(until, self.latest) if until else 0)
+        except NoPose:
             return None
-        if until and until < stamps[newest]:
-            try:
-                newest = self.find(until)
-            except NoPose:
-                return None
-        return (self.parent_of(newest), self.authority, False, newest - start + 1,
-                stamps[newest], stamps[start])
+        return (self.parent_of(newest), self.authority, False, newest - self.start + 1,
+                self.stamps[newest], self.oldest)
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
@@ -170,7 +159,10 @@ class History:
                     return True
                 if position - first >= MAX_SAMPLES_PER_STAMP:
                     position -= 1
-                    self._delete(position)
+                    del self.poses[position * POSE_BYTES:(position + 1) * POSE_BYTES]
+                    del stamps[position]
+                    if self.parents is not None:
+                        del self.parents[position]
             if self.parents is None and parent != self.only_parent:
                 self.parents, self.only_parent = [self.only_parent] * len(stamps), ''
         else:
@@ -188,12 +180,6 @@ class History:
         count = len(self.stamps)
         return len(self.poses) == count * POSE_BYTES and (
             self.parents is None or len(self.parents) == count)
-
-    def _delete(self, index: int) -> None:
-        if self.parents is not None:
-            del self.parents[index]
-        del self.poses[index * POSE_BYTES:(index + 1) * POSE_BYTES]
-        del self.stamps[index]
 
     def drop_before(self, start: int) -> None:
         self.start = start
@@ -298,9 +284,7 @@ class History:
 
     def parent_changes(self) -> list[int]:
         """Return the stamps (ns) of the samples whose parent is not that of the sample before."""
-        parents = self.parents
-        if parents is None:
-            return []
+        parents = self.parents or []
         return [self.stamps[i] for i in range(self.start + 1, len(parents))
                 if parents[i] != parents[i - 1]]
 
@@ -325,8 +309,6 @@ class History:
 
 class StaticHistory:
     """The history of a static frame: one pose, which holds at all times."""
-
-    __slots__ = ('authority', 'only_parent', 'pose')
 
     is_static = True
     parents = None

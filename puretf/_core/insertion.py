@@ -13,21 +13,12 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf._core import hints
+from puretf._core import hints, texts
 from puretf._core.composition import normalized
 from puretf._core.frames import is_too_long, LONGEST_NAME
 from puretf._core.history import History, MAX_SAMPLES_PER_STAMP, StaticHistory
 from puretf._core.lookup import Lookups
 from puretf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
-from puretf._core.texts import (
-    old_data,
-    refusals,
-    ThrottledLog,
-    too_long_name,
-    too_many_frames,
-    too_many_samples,
-    too_many_samples_of_a_frame,
-)
 from puretf._core.times import SECOND
 
 #: One frame may have at most this number of samples per second of cache time.
@@ -41,7 +32,7 @@ class Insertion:
     """The insertion of transforms into a tree of frames; callers must hold the buffer's lock."""
 
     def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
-        self.log = ThrottledLog()
+        self.log = texts.ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
         self._max_frames = max_frames
         self._max_samples = sys.maxsize if max_samples is None else max_samples
@@ -66,7 +57,7 @@ class Insertion:
         """
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
-        if warnings := refusals(parent, child, pose, authority):
+        if warnings := texts.refusals(parent, child, pose, authority):
             self.log.warn(child, *warnings, end=partial(
                 hints.refused, self._tree.look, authority, is_static))
             return False
@@ -95,7 +86,7 @@ class Insertion:
         history.arrival = monotonic_ns()
         if not is_accepted:
             history.refusal = history.arrival
-            self.log.warn(child, old_data(
+            self.log.warn(child, texts.old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
                     hints.old_data, self._tree.look, authority))
             return False
@@ -109,12 +100,12 @@ class Insertion:
         end = partial(hints.refused, self._tree.look, authority, is_static)
         if is_too_long(parent) or is_too_long(child):
             what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
-            self.log.warn(child, too_long_name(
+            self.log.warn(child, texts.too_long_name(
                 child, what, name, LONGEST_NAME, authority), end=end)
             return False
         frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
-            self.log.warn_once('too many frames', too_many_frames(
+            self.log.warn_once('too many frames', texts.too_many_frames(
                 child, self._max_frames, authority), end=end)
             return False
         return True
@@ -184,7 +175,7 @@ class Insertion:
         if surplus > 0:
             history.drop_before(history.start + surplus)
             self._room += surplus
-            self.log.warn_once('frame', too_many_samples_of_a_frame(
+            self.log.warn_once('frame', texts.too_many_samples_of_a_frame(
                 child, self._max_samples_per_frame, authority))
         if self._room >= 0:
             return
@@ -200,7 +191,7 @@ class Insertion:
         if surplus > 0:
             history.drop_before(history.start + surplus)
             self._room += surplus
-            self.log.warn_once('buffer', too_many_samples(
+            self.log.warn_once('buffer', texts.too_many_samples(
                 child, self._max_samples, authority))
 
 

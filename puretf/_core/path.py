@@ -18,8 +18,6 @@ class Path:
     then down to the target frame. An edge is represented by the history of its child frame.
     """
 
-    __slots__ = ('edges', 'from_source', 'from_target')
-
     def __init__(self, from_source: Sequence[AnyHistory], from_target: Sequence[AnyHistory]
                  ) -> None:
         self.from_source, self.from_target = from_source, from_target
@@ -59,8 +57,7 @@ class Path:
 
         The parents must be constant. Return (n, 7) poses, and (n,) bool: True where there is one.
         """
-        if not times.all():
-            times = np.where(times == 0, self.latest_common_time(), times)
+        times = np.where(times == 0, self.latest_common_time(), times)
         begin, end = self.span()
         known = (begin <= times) & (times <= end)
         if not known.any():

@@ -36,8 +36,6 @@ class Rows(NamedTuple):
 class Batch:
     """m messages of /tf with the same n frames, in the order of their arrival."""
 
-    __slots__ = ('authority', 'children', 'parents', 'poses', 'stamps')
-
     is_static = False
 
     def __init__(self, parents: list[str], children: list[str], authority: str) -> None:

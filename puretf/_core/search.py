@@ -1,7 +1,6 @@
 """tf2's search for the path between two frames, and what follows from paths."""
 
 from collections.abc import Iterator
-from functools import reduce
 from itertools import pairwise, takewhile
 from typing import Optional
 
@@ -119,7 +118,7 @@ def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
     changes = {change for name in tree.all_ancestors(target) | tree.all_ancestors(source)
                if isinstance(history := tree.histories[name], History)
                for change in history.parent_changes()}
-    parts, is_connected = [], False
+    parts, is_connected = [np.empty(0, np.int64)], False
     for begin, end in pairwise((-END, *sorted(changes), END)):
         from_source, from_target, meeting = tree.chains_to_meeting(source, target, begin)
         if meeting is None:
@@ -128,11 +127,13 @@ def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
         edges = [history for chain in (from_source, from_target)
                  for frame in takewhile(meeting.__ne__, chain)
                  if isinstance(history := tree.histories[frame], History)]
-        parts.append(reduce(_union, (
-            edge.stamps_between(begin, end) for edge in edges), np.empty(0, np.int64)))
+        parts += [edge.stamps_between(begin, end) for edge in edges]
     if not is_connected:
         raise failures.unconnected(tree, target, source)
-    return np.concatenate(parts)
+    # A stable sort merges the sorted parts, many times as fast as np.unique.
+    result = np.sort(np.concatenate(parts), kind='stable')
+    is_new: NDArray[np.bool_] = np.diff(result, prepend=result[:1] - 1) != 0
+    return result[is_new]
 
 
 def _ancestors(tree: FrameTree, frame: str) -> Iterator[tuple[str, str]]:
@@ -165,9 +166,8 @@ def may_be_connected(tree: FrameTree, frame: str, other: str) -> bool:
 
     From both frames upwards, every parent that occurs in a history is followed.
     """
-    if tree.problem(frame) or tree.problem(other):
-        return False
-    return not tree.all_ancestors(frame).isdisjoint(tree.all_ancestors(other))
+    return not (tree.problem(frame) or tree.problem(other)
+                or tree.all_ancestors(frame).isdisjoint(tree.all_ancestors(other)))
 
 
 def _append(tree: FrameTree, chain: list[str], frame: str) -> None:
@@ -175,12 +175,3 @@ def _append(tree: FrameTree, chain: list[str], frame: str) -> None:
     chain.append(frame)
     if len(chain) > MAX_GRAPH_DEPTH:
         raise failures.too_long(tree, chain)
-
-
-def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Merge two sorted arrays of stamps, and drop duplicates."""
-    both = np.concatenate((stamps, others))
-    both.sort(kind='stable')  # this merges two sorted parts, many times as fast as np.union1d
-    is_new = np.ones(len(both), np.bool_)
-    np.not_equal(both[1:], both[:-1], out=is_new[1:])
-    return both[is_new]

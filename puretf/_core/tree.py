@@ -22,7 +22,6 @@ class FrameTree:
     def __init__(self, cache_time: int) -> None:
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
-        self._names: tuple[str, ...] = ()
         #: A hint that follows if frames are unknown or not connected, as when a part of a bag is
         #: missing.
         self.advice = ''
@@ -35,13 +34,10 @@ class FrameTree:
         """
         The names of all frames, in the order of `histories`.
 
-        Names are never removed. When frames have been added, a new tuple is created, and the old
-        tuple does not change. So the text of an error can be written later from the old tuple,
-        without the lock of the buffer.
+        Names are never removed, and the tuple does not change. So the text of an error can be
+        written later from it, without the lock of the buffer.
         """
-        if len(self._names) != len(self.histories):
-            self._names = tuple(self.histories)
-        return self._names
+        return tuple(self.histories)
 
     def clear(self) -> None:
         """Drop the samples of dynamic frames; static poses and the names of all frames stay."""

@@ -6,7 +6,7 @@ from contextlib import suppress
 from threading import current_thread, Thread
 from threading import enumerate as running_threads
 from time import monotonic
-from typing import Any, NamedTuple, Optional
+from typing import Any, Optional
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -88,24 +88,19 @@ class SpinThread(NodeThread):
             executor.shutdown()
 
 
-class Round(NamedTuple):
-    """The result that the function `work` of a `ListenerThread` returns."""
-
-    has_news: bool  #: True if there are new data
-    is_urgent: bool  #: True if a future was completed; then the executor is woken at once
-    pause: float  #: how long the thread may leave messages of /tf in the queue (s)
-
-
 class ListenerThread(NodeThread):
     """
     A thread that calls `work` whenever messages arrive, and at least 5 times a second.
 
     It waits with a wait set of its own. In a pause, messages of /tf do not wake it, so that the
     next call handles several of them. It calls `on_end` at its end.
+
+    `work` returns whether there are new data, whether a future was completed (the executor is then
+    woken at once), and how long the thread may leave messages of /tf in the queue (s).
     """
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription,
-                 tf: Optional[Subscription], work: Callable[[], Round],
+                 tf: Optional[Subscription], work: Callable[[], tuple[bool, bool, float]],
                  on_end: Callable[[], object], clock: Callable[[], float] = monotonic) -> None:
         self._wake = GuardCondition(None, None, context=node.context)
         super().__init__(node, group, on_end)

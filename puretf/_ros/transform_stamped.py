@@ -1,6 +1,6 @@
 """Conversions and checks of messages of the type `geometry_msgs/msg/TransformStamped`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from functools import lru_cache
 import math
@@ -195,15 +195,12 @@ def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
     return list(transform) if is_several else [transform]
 
 
-def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
+def fields_to_send(messages: Iterable[TransformStamped]) -> Iterator[cdr.Fields]:
     """Read and check transforms that are to be broadcast."""
-    transforms = []
-    for message in messages:
-        fields = fields_of(message)
+    for fields in map(fields_of, messages):
         check_edge(*fields[2:4])
         check_pose(*fields[2:])
-        transforms.append(fields)
-    return transforms
+        yield fields
 
 
 @lru_cache(maxsize=4096)

@@ -104,29 +104,25 @@ def fields(data: bytes) -> Iterator[Fields]:
             raise MalformedMessage(
                 f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
                 'they announce')
-        yield from _unpack_fields(data, order, count)
+        unpack_head = struct.Struct(order + 'iII').unpack_from
+        unpack_length = struct.Struct(order + 'I').unpack_from
+        unpack_pose = struct.Struct(order + '7d').unpack_from
+        start = 8
+        for _ in range(count):
+            sec, nanosec, length = unpack_head(data, start)
+            start += 12
+            frame_id = data[start:start + length]
+            start += length + (-length & 3)
+            (length,) = unpack_length(data, start)
+            start += 4
+            child_frame_id = data[start:start + length]
+            start += length
+            start += 4 - start & 7
+            yield sec, nanosec, _text(frame_id), _text(child_frame_id), unpack_pose(data, start)
+            start += 56
     except struct.error:
         raise MalformedMessage(
             f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field') from None
-
-
-def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
-    unpack_head = struct.Struct(order + 'iII').unpack_from
-    unpack_length = struct.Struct(order + 'I').unpack_from
-    unpack_pose = struct.Struct(order + '7d').unpack_from
-    start = 8
-    for _ in range(count):
-        sec, nanosec, length = unpack_head(data, start)
-        start += 12
-        frame_id = data[start:start + length]
-        start += length + (-length & 3)
-        (length,) = unpack_length(data, start)
-        start += 4
-        child_frame_id = data[start:start + length]
-        start += length
-        start += 4 - start & 7
-        yield sec, nanosec, _text(frame_id), _text(child_frame_id), unpack_pose(data, start)
-        start += 56
 
 
 def _text(field: bytes) -> str:
@@ -193,7 +189,11 @@ def header(data: bytes) -> tuple[int, bytes]:
     If the bytes end too early, raise a struct.error.
     """
     unpack = _unpack_header_big if data[:2] == b'\0\0' else _unpack_header
-    sec, nanosec, length = unpack(data, 4)
+    return stamp_and_name(data, *unpack(data, 4))
+
+
+def stamp_and_name(data: bytes, sec: int, nanosec: int, length: int) -> tuple[int, bytes]:
+    """Return what `header` returns, for a frame_id of `length` bytes."""
     name = data[16:16 + length]
     if len(name) < length:
         raise struct.error('the bytes end in the middle of the frame_id')

@@ -147,7 +147,7 @@ class MessageReader:
                 continue
             if parts is None and not is_static:
                 self._layouts.learn(data, rows)
-            joined.add_rows(rows, is_static)
+            joined.close().append(Rows(rows, authority, is_static))
         return joined.close()
 
 
@@ -169,9 +169,6 @@ class _Joined:
             batch = self._open[layout] = Batch(layout.parents, layout.children, self._authority)
         batch.stamps.append(stamp)
         batch.poses += poses
-
-    def add_rows(self, rows: list[Row], is_static: bool) -> None:
-        self.close().append(Rows(rows, self._authority, is_static))
 
     def close(self) -> list[BatchOrRows]:
         """Begin new batches from now on; return all that was added."""

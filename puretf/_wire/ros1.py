@@ -18,7 +18,7 @@ import struct
 
 from puretf._core.pose import POSE_BYTES, Row
 from puretf._core.times import SECOND
-from puretf._wire.cdr import MalformedMessage
+from puretf._wire.cdr import MalformedMessage, stamp_and_name
 
 _FIRST_NAME = 16  # where the first frame_id begins
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
@@ -69,11 +69,7 @@ def key(data: bytes) -> bytes:
 
 def header(data: bytes) -> tuple[int, bytes]:
     """Return what `cdr.header` returns."""
-    sec, nanosec, length = _unpack_header(data)
-    name = data[16:16 + length]
-    if len(name) < length:
-        raise struct.error('the bytes end in the middle of the frame_id')
-    return sec * SECOND + nanosec, name
+    return stamp_and_name(data, *_unpack_header(data))
 
 
 STAMP = '<II'

@@ -99,13 +99,11 @@ def run(parser: Parser, command: Callable[..., int],
     except BrokenPipeError:  # for example, the output is piped to `head`, which has ended
         _close_stdout()
         return interrupted
-    except (UsageError, CommandError) as error:
+    except (UsageError, CommandError, OSError) as error:
+        if isinstance(error, OSError):
+            _close_stdout()
         print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
-    except OSError as error:
-        _close_stdout()
-        print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
-        return 1
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
@@ -127,11 +125,8 @@ def _close_stdout() -> None:
 def _without_ros_args(arguments: list[str]) -> list[str]:
     try:
         from rclpy.utilities import remove_ros_args
-    except ImportError:
-        return _without_ros_args_by_hand(arguments)
-    try:
         return list(remove_ros_args(arguments))
-    except UnicodeEncodeError:  # for example, the path of a file; see also ros_context
+    except (ImportError, UnicodeEncodeError):  # the path of a file, perhaps; see also ros_context
         return _without_ros_args_by_hand(arguments)
     except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
         text = rcl_error_text(error)

@@ -38,11 +38,9 @@ _recorded = 1
 
 def record_signals() -> dict[int, Any]:
     """Set the handlers; return the previous ones by signal, or {} if these are already set."""
-    global _recorded
     if signal.getsignal(signal.SIGINT) is _record:
         return {}
-    _received.clear()
-    _recorded = 1
+    forget_signals()
     return {number: signal.signal(number, _record) for number in _SIGNALS}
 
 

@@ -39,7 +39,7 @@ from puretf import (
 )
 from puretf._core import texts
 from puretf._core.engine import engine_of
-from puretf._ros.listener_thread import ListenerThread, Round
+from puretf._ros.listener_thread import ListenerThread
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import QosMonitor, SubscriptionSource
 
@@ -191,11 +191,11 @@ def test_spin_once_returns_when_transforms_arrive(ros, sender, listen):
 def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
     """A future that is done wakes it at once; a wake-up that is put off is made up for."""
     now, rounds, wakes = 100.0, [], []
-    results: list[Round] = []
+    results: list[tuple[bool, bool, float]] = []
 
     def work():
         rounds.append(now)
-        return results.pop() if results else Round(False, False, 0.0)
+        return results.pop() if results else (False, False, 0.0)
 
     tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, LATCHED,
                                ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
@@ -206,7 +206,7 @@ def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
     guard.trigger = lambda: wakes.append(now)
 
     def wakes_after(has_news, is_urgent):
-        results.append(Round(has_news, is_urgent, 0.0))
+        results.append((has_news, is_urgent, 0.0))
         number = len(rounds)
         while results or len(rounds) < number + 2:  # the last round with a result is over
             thread.wake()
@@ -234,7 +234,7 @@ def test_in_a_pause_only_static_transforms_wake_the_thread(ros, sender):
 
     def work():
         rounds.append(True)
-        return Round(False, False, 1000.0)
+        return False, False, 1000.0
 
     thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
                             ignore_nothing)
