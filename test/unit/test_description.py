@@ -56,9 +56,9 @@ def oracle(text, positions):
     matrices, ones = {}, (1.0, 1.0, 1.0)
     element: Any
     for element in ElementTree.fromstring(text).findall('joint'):
-        xyz, rpy, axis = ([float(number) for number in element.find(tag).get(name).split()]
+        xyz, rpy, axis = (np.array(element.find(tag).get(name).split(), np.float64)
                           for tag, name in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz')))
-        axis = np.array(axis) / np.linalg.norm(axis)
+        axis = axis / np.linalg.norm(axis)
         in_parent = affines.compose(xyz, euler.euler2mat(*rpy), ones)
         position = positions[element.get('name')]
         if element.get('type') in ('revolute', 'continuous'):
