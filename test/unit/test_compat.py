@@ -59,6 +59,7 @@ for code in ('import tf2_ros', 'import tf2_ros.buffer_client', 'import tf2_geome
     ('dummy_arm.py', ['dummy_arm.py']), ('dummy_arm/dummy_arm.py', ['-m', 'dummy_arm.dummy_arm'])])
 def test_a_program_or_package_of_the_user_may_be_called_dummy_arm(tmp_path, path, arguments):
     """Nothing that tf2's packages import has this name; `ros2 pkg create` makes the package."""
+    pytest.importorskip('rclpy', reason='tf2_ros needs ROS')
     program = tmp_path / path
     program.parent.mkdir(exist_ok=True)
     (program.parent / '__init__.py').touch()
