@@ -8,7 +8,7 @@ of rclpy or rcl on which it relies.
 from collections.abc import Callable
 import ctypes
 from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
-from functools import cache
+from functools import cache, partial
 from itertools import islice
 from typing import Any, Generic, Optional, TypeVar
 from weakref import finalize
@@ -128,7 +128,7 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
 def take_bytes(handle: Any, most: int) -> list[tuple[bytes, Any]]:
     """Take at most a number of the messages that have arrived, each as its bytes and its info."""
     with handle:
-        return [*islice(iter(lambda: _take_message(handle, None, True), None), most)]
+        return [*islice(iter(partial(_take_message, handle, None, True), None), most)]
 
 
 def incompatible_qos(subscription: Subscription) -> Any:
