@@ -12,8 +12,8 @@ from puretf import comma_list, exact_time, Frame, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.feed import Feed
-from puretf_tools.view.freshness import SILENT, TIMEOUT
 from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
+from puretf_tools.view.silent_frames import SILENT, TIMEOUT
 
 #: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5

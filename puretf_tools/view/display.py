@@ -10,8 +10,8 @@ from puretf import abbreviated, visible
 from puretf_tools.view.body import BodyDisplay
 from puretf_tools.view.controls import change, within
 from puretf_tools.view.details import STYLE
-from puretf_tools.view.freshness import TIMEOUT
 from puretf_tools.view.rods import Display
+from puretf_tools.view.silent_frames import TIMEOUT
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
 VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),

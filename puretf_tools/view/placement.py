@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from puretf import Frame
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.view.feed import AnyBuffer
-from puretf_tools.view.freshness import ages, Freshness, without_gone
+from puretf_tools.view.silent_frames import ages, Freshness, without_gone
 
 #: The distance between the anchors of trees that are not connected, along -y (m).
 SPACING = 2.0
@@ -47,7 +47,7 @@ class Placement(NamedTuple):
     loops: list[list[str]]  #: frames in loops; these are not in `names`
     far: list[str]  #: frames beyond `REACH`, which are drawn at that distance
     not_finite: list[str]  #: frames that are not in `names` because x, y or z is not finite
-    gone: int  #: the number of frames that have left the page; see `freshness.GONE`
+    gone: int  #: the number of frames that have left the page; see `silent_frames.GONE`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
 
     def anchor_of(self, name: str) -> tuple[str, float]:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf.rotations import quaternion_multiply
-from puretf_tools.view.freshness import TIMEOUT
 from puretf_tools.view.placement import Placement
+from puretf_tools.view.silent_frames import TIMEOUT
 
 _HALF = np.sqrt(0.5)
 #: For each axis: the quaternion (x, y, z, w) that rotates z onto it, and its colour.
