@@ -39,7 +39,7 @@ class Placement(NamedTuple):
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
     points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), within `REACH`
     stamps: list[int]  #: (n,): ns; 0: the pose is valid at all times
-    ages: NDArray[np.float64]  #: (n,): s, see `freshness.ages`
+    ages: NDArray[np.float64]  #: (n,): s, see `silent_frames.ages`
     silences: dict[str, float]  #: by name: s since the last new stamp; 0 if the frame is static
     frames: dict[str, Frame]  #: by name: the frames that have a parent and are shown
     trees: dict[str, float]  #: by anchor: its y in the scene (m)
