@@ -53,7 +53,7 @@ setup(
         'robot': ['urdf-parser-py', 'xacro'],
         'view': ['viser>=1.1,<1.2', 'trimesh>=4.6', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'matplotlib', 'mcap',
-                'pygraphviz', 'pypdf', 'rosbags>=0.11.7', 'ruamel.yaml', 'tqdm'],
+                'pygraphviz', 'pypdf', 'rosbags>=0.11.7,<0.12', 'ruamel.yaml', 'tqdm'],
         'bench': ['matplotlib', 'transform-tree==0.0.9; sys_platform == "linux"'],
         'dask': ['distributed', 'fsspec'],
         'docs': ['furo', 'myst-parser>=4,<5', 'sphinx>=8.2,<8.3'],

@@ -17,8 +17,7 @@ from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RU
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.supervisor import DOMAINS
 from puretf import visible
-from puretf.bag import messages
-from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
+from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import wait
@@ -152,20 +151,19 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
             raise CommandError('interrupted: nothing was judged') from None
 
 
-def _check_bag(bag: Sequence[str], namespace: str, partial: bool) -> Report:
+def _check_bag(option: BagOption) -> Report:
     found: list[Message] = []
     count = 0
     try:
-        with bag_progress(bag) as on_progress:
-            for message in messages(bag, namespace=namespace, partial=partial,
-                                    on_progress=on_progress):
+        with option.opened() as bag:
+            for message in bag.messages():
                 with suppress(ValueError):
                     rows = message.rows()
                     found.append(Message(message.time, message.is_static, message.publisher, rows))
                     count += len(rows)
                 if count > MOST:
-                    raise CommandError(f'{bag[0]} has more than {MOST} transforms: record an arm '
-                                       'for a minute only')
+                    raise CommandError(f'{bag.path} has more than {MOST} transforms: record an '
+                                       'arm for a minute only')
     except KeyboardInterrupt:
         raise CommandError('interrupted: nothing was judged') from None
     # The files of a bag, and those that are cut off, may be in another order.
@@ -191,13 +189,11 @@ def format_report(report: Report) -> list[str]:
 
 
 def command(files: Sequence[str] = (), seconds: Optional[float] = None,
-            bag: Optional[Sequence[str]] = None,
-            namespace: str = '', partial: bool = False, frames: Sequence[str] = (),
+            bag: Optional[BagOption] = None, namespace: str = '', frames: Sequence[str] = (),
             table: Optional[str] = None, resume: bool = False, feedback: Optional[str] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
     duration = DEFAULT_TIME if seconds is None else seconds
-    check_bag_options(bag, partial)
     for is_wrong, text in (
             (sum((bool(files), bag is not None, bool(frames))) > 1,
              'give files of programs, or --bag, or --frames, or none of them to check the arm '
@@ -226,7 +222,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
         jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
         return _grade_all(files, duration, jobs, table, feedback, resume)
     report = (_check_running(duration, namespace, ros_args) if bag is None
-              else _check_bag(bag, namespace, partial))
+              else _check_bag(bag))
     print('\n'.join(format_report(report)))
     return 0 if report.passed else 1
 

@@ -1,7 +1,7 @@
 """
 The transforms of many messages as arrays.
 
-The messages are those of `PublisherListener.received` or of `puretf.bag.messages`. For
+The messages are those of `PublisherListener.received` or of `puretf.bag.Bag.messages`. For
 statistics, arrays are much faster than the method `rows` of each message.
 """
 

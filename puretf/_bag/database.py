@@ -8,10 +8,9 @@ import shlex
 import sqlite3
 from typing import Any
 
-from puretf._bag.context import ADVANCE, BagContext, BagTopic, Record, Stream
+from puretf._bag.context import ADVANCE, BagContext, Record, Topic
 from puretf._bag.formats import BagError, refuse_special
-from puretf._bag.unpacking import first_bytes, unpack_message
-from puretf._wire.definitions import durabilities
+from puretf._bag.rosbags_private import durabilities
 
 #: Views, virtual tables and generated columns, which a few bytes can make endless.
 _NO_TABLES = """SELECT name FROM sqlite_master WHERE lower(name) IN
@@ -26,13 +25,13 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
         database.set_progress_handler(context.tick, 100_000)
         for name, in database.execute(_NO_TABLES):
             raise ValueError(f'{name} is not a table of plain columns')
-        streams = _streams(database, context)
-        wanted = ', '.join(str(key) for key, stream in streams.items() if stream)
-        if any(isinstance(stream, BagTopic) for stream in streams.values()):
-            keys = database.execute(f'SELECT topic_id FROM messages WHERE topic_id IN ({wanted})')
-            for (key,), count in Counter(keys).items():
-                if isinstance(topic := streams.get(key), BagTopic):
-                    topic.headers.expect(count)
+        topics = _topics(database, context)
+        wanted = ', '.join(str(key) for key, topic in topics.items() if topic.is_read)
+        if not wanted:
+            keys = Counter(key for key, in database.execute('SELECT topic_id FROM messages'))
+            for key, count in keys.items():
+                if topic := topics.get(key):
+                    topic.expect(count)
         ((first, last),) = database.execute('SELECT (SELECT min(timestamp) FROM messages), '
                                             '(SELECT max(timestamp) FROM messages)')
         query = f'SELECT topic_id, timestamp, data FROM messages WHERE +topic_id IN ({wanted})'
@@ -40,17 +39,17 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
         # Without an index, SQLite would write all data to temporary files to sort them.
         plan = str([*database.execute(f'EXPLAIN QUERY PLAN {in_order}')])
         rows = database.execute(query if 'TEMP B-TREE' in plan else in_order)
-        span = last - first if type(first) is type(last) is int else 0
+        span = 0
+        if type(first) is type(last) is int:  # SQLite does not enforce the types
+            span = last - first
+            context.add_span(first, last)
         for number, (key, time, data) in enumerate(rows):
-            time = time if type(time) is int else 0  # SQLite does not enforce the types
+            time = time if type(time) is int else 0
             if number % ADVANCE == 0:
                 context.advance((time - first) / span if span else 0.0)
-            stream = streams[key]
-            if isinstance(stream, Stream):
-                yield stream, time, unpack_message(
-                    data, context.max_bytes) if isinstance(data, bytes) else b''
-            elif stream.headers.wants_next():
-                stream.headers.add(time, first_bytes(data) if isinstance(data, bytes) else b'')
+            if record := context.record(
+                    topics[key], time, data if isinstance(data, bytes) else b''):
+                yield record
 
 
 def _check_log(path: Path) -> None:
@@ -64,7 +63,7 @@ def _check_log(path: Path) -> None:
                        f'{shlex.quote(program)}')
 
 
-def _streams(database: sqlite3.Connection, context: BagContext) -> dict[int, Any]:
+def _topics(database: sqlite3.Connection, context: BagContext) -> dict[int, Topic]:
     definitions: dict[Any, Any] = {}
     with suppress(sqlite3.Error):  # old databases have none
         definitions = dict(database.execute(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 import struct
-from typing import Any, Union
+from typing import Any
 from zlib import crc32
 
 from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
@@ -12,9 +12,9 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
 
-from puretf._bag.context import BagContext, BagTopic, Record, Stream
-from puretf._bag.unpacking import first_bytes, Oversized, unpack_message
-from puretf._wire.definitions import durabilities
+from puretf._bag.context import BagContext, Record, Topic
+from puretf._bag.rosbags_private import durabilities
+from puretf._bag.unpacking import Oversized
 
 
 def read_summary(path: Path, max_bytes: int) -> bytes:
@@ -35,29 +35,28 @@ def read_summary(path: Path, max_bytes: int) -> bytes:
 
 
 def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
-    """Yield the messages of TF, chunk by chunk; skip damaged chunks if `partial` is True."""
+    """Yield the messages that are wanted, chunk by chunk; if `partial`, skip damaged chunks."""
     schemas: dict[int, Schema] = {}
-    streams: dict[int, Union[Stream, BagTopic, None]] = {}
+    topics: dict[int, Topic] = {}
     for record in chain(_definitions(path, context), _records(path, context)):
         if isinstance(record, Schema):
             schemas[record.id] = record
-        elif isinstance(record, Channel) and record.id not in streams:
+        elif isinstance(record, Channel) and record.id not in topics:
             schema = schemas.get(record.schema_id)
-            streams[record.id] = context.add_topic(
+            topics[record.id] = context.add_topic(
                 record.topic, schema.name if schema else '',
                 schema.data.decode(errors='replace') if schema else '', record.message_encoding,
                 durabilities(record.metadata.get('offered_qos_profiles', '')))
         elif isinstance(record, Message):
-            stream = streams.get(record.channel_id)
-            if isinstance(stream, Stream):
+            context.add_span(record.log_time, record.log_time)
+            if (topic := topics.get(record.channel_id)) and topic.is_read:
                 try:
-                    data = unpack_message(record.data, context.max_bytes)
+                    found = context.record(topic, record.log_time, record.data)
                 except Exception as error:
                     context.handle_error(path, '.mcap', error)
                     continue
-                yield stream, record.log_time, data
-            elif stream and stream.headers.wants_next():
-                stream.headers.add(record.log_time, first_bytes(record.data))
+                if found:
+                    yield found
 
 
 def _definitions(path: Path, context: BagContext) -> Iterator[Any]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from contextlib import suppress
 from glob import glob
+from itertools import islice
 import os
 from pathlib import Path, PurePath
 import re
@@ -30,7 +31,7 @@ class Recording(NamedTuple):
     path: Path  #: the directory, or the first file that was given
     files: list[Path]  #: empty if `path` is a directory
     first: Optional[Path] = None  #: the first part of the recording, if it was not given
-    warning: str = ''  #: what is wrong with its directory, although the files can be read
+    warning: str = ''  #: which files are missing, or what is wrong with the directory
 
     @property
     def missing_part(self) -> str:
@@ -54,8 +55,22 @@ def recordings(paths: Paths) -> list[Recording]:
         if key not in found or found[key].files:
             parts.setdefault(key, {})[number] = path
             files = [file for _, file in sorted(parts[key].items())]
-            found[key] = Recording(files[0], files, None if 0 in parts[key] else first)
+            found[key] = Recording(files[0], files, None if 0 in parts[key] else first,
+                                   _between(parts[key], listed[path.parent]))
     return [*found.values()]
+
+
+def _between(parts: dict[int, Path], listed: list[Path]) -> str:
+    """Return a warning that names the parts between those that are given; '' if there are none."""
+    lacking = [*islice((number for number in range(min(parts), max(parts)) if number not in parts),
+                       _SHOWN + 1)]
+    if not lacking:
+        return ''
+    last = parts[max(parts)]
+    names = [listed[number].name if last in listed else
+             re.sub(r'_\d+(\.\w+(\.zstd)?)$', rf'_{number}\1', last.name) for number in lacking]
+    return (f'{parts[min(parts)]}: parts of its recording are not given: '
+            f'{comma_list(names, _SHOWN, visible)}')
 
 
 def is_bag(path: str) -> bool:
@@ -116,7 +131,7 @@ def resolved(recording: Recording, partial: bool) -> Recording:
     missing = [path for path in files if not os.path.exists(path)]
     if missing and (not partial or len(missing) == len(files)):
         raise BagError(f'{directory} cannot be read: files that its metadata.yaml lists are '
-                       f'missing: {_names(missing)}; partial=True (--partial) reads the others')
+                       f'missing: {_names(missing)}; partial=True reads the others')
     if missing:
         warning = f'{directory}: files that its metadata.yaml lists are missing: {_names(missing)}'
     return Recording(directory, [path for path in files if path not in missing],
@@ -139,7 +154,7 @@ def _listed(directory: Path) -> list[Path]:
         files = [directory / PurePath(name).name for name in names]
     except Exception as error:  # the YAML library raises errors of many types
         raise BagError(f'{directory} cannot be read: metadata.yaml: {error_line(error)} '
-                       'partial=True (--partial) reads the files without it') from None
+                       'partial=True reads the files without it') from None
     if compression != 'zstd':
         raise BagError(f'{directory} cannot be read: its compression format is '
                        f'{visible(repr(compression))}, not zstd')

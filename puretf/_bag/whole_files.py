@@ -4,44 +4,37 @@ from collections.abc import Iterator, Set
 from contextlib import closing
 from pathlib import Path
 import re
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from typing import Any, Optional
 
 from rosbags import rosbag1
-from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import McapReader
 
-from puretf._bag.context import ADVANCE, BagContext, BagTopic, Record, Stream
+from puretf._bag.context import ADVANCE, BagContext, NOT_RECORDED, Record
 from puretf._bag.database import records_of_database
 from puretf._bag.formats import BagError, kind_of
 from puretf._bag.mcap_stream import read_summary, records_in_file_order
-from puretf._bag.recordings import Recording
-from puretf._bag.unpacking import first_bytes, Oversized, unpack_file, unpack_message
+from puretf._bag.rosbags_private import McapReader
+from puretf._bag.unpacking import Oversized, unpack_file
 from puretf._wire.definitions import checked_yaml
 
 
-def records(recording: Recording, context: BagContext) -> Iterator[Record]:
-    """Yield the messages of TF, file by file, each in the order of time."""
-    files = recording.files
+def records(context: BagContext) -> Iterator[Record]:
+    """Yield the messages that are wanted, file by file, each in the order of time."""
+    files = context.recording.files
     for number, path in enumerate(files):
         context.begin(number / len(files), 1 / len(files))
         kind = ''
         try:
             kind = kind_of(path)
-            if kind != '.zstd':
-                yield from _records_of_file(path, path, kind, context)
-                continue
-            with TemporaryDirectory() as directory:
-                whole = Path(directory, 'whole')
-                context.begin(number / len(files), 0.5 / len(files))
-                try:
-                    unpack_file(path, whole, context.advance)
-                except Exception as error:  # damaged or cut off
-                    context.handle_error(path, '' if isinstance(error, OSError) else
-                                         path.with_suffix('').suffix, error)
-                context.begin((number + 0.5) / len(files), 0.5 / len(files))
+            whole = path
+            if kind == '.zstd':
+                if path not in context.copies:
+                    context.begin(number / len(files), 0.5 / len(files))
+                    _unpack(path, context)
+                    context.begin((number + 0.5) / len(files), 0.5 / len(files))
+                whole = context.copies[path]
                 kind = kind_of(whole, path)
-                yield from _records_of_file(whole, path, kind, context)
+            yield from _records_of_file(whole, path, kind, context)
         except Exception as error:  # the libraries raise errors of many types
             # A recorder that was killed may have left an empty last file.
             if not kind and (len(files) == 1 or not isinstance(error, BagError)):
@@ -49,8 +42,18 @@ def records(recording: Recording, context: BagContext) -> Iterator[Record]:
             context.handle_error(path, kind, error)
 
 
+def _unpack(path: Path, context: BagContext) -> None:
+    whole = Path(mkdtemp(), 'whole')
+    context.copies[path] = whole
+    try:
+        unpack_file(path, whole, context.advance)
+    except Exception as error:  # damaged or cut off
+        context.handle_error(path, '' if isinstance(error, OSError) else
+                             path.with_suffix('').suffix, error)
+
+
 def _records_of_file(whole: Path, path: Path, kind: str, context: BagContext) -> Iterator[Record]:
-    """Yield the messages of TF of a file; `path` is the file before it was decompressed."""
+    """Yield the messages of a file; `path` is the file before it was decompressed."""
     reader: Any = None
     if kind == '.mcap':
         reader = None if context.partial else _open_mcap(whole, context.max_bytes)
@@ -58,7 +61,7 @@ def _records_of_file(whole: Path, path: Path, kind: str, context: BagContext) ->
             yield from records_in_file_order(whole, context)
             return
     elif context.partial:
-        raise BagError(f'{path} cannot be read with partial=True (--partial), which reads .mcap '
+        raise BagError(f'{path} cannot be read with partial=True, which reads .mcap '
                        'files only: leave it out')
     elif kind == '.db3':
         yield from records_of_database(whole, context)
@@ -72,22 +75,9 @@ def _records_of_file(whole: Path, path: Path, kind: str, context: BagContext) ->
         yield from _records_of_reader(reader, kind, context)
 
 
-class _McapReader(McapReader):
-    """A reader that refuses a file without an index, of which it would decompress all chunks."""
-
-    has_statistics = False
-
-    def meta_scan(self) -> None:
-        raise ReaderError
-
-    def read_index(self) -> None:
-        super().read_index()
-        self.has_statistics = self.statistics is not None
-
-
 def _open_mcap(path: Path, max_bytes: int) -> Optional[McapReader]:
     """Open a file; return None if rosbags refuses it, or would miss messages."""
-    reader, summary = _McapReader(path), read_summary(path, max_bytes)
+    reader, summary = McapReader(path), read_summary(path, max_bytes)
     try:
         # rosbags parses what follows the size after each of these.
         for end in [each.end() + 4 for each in re.finditer(b'offered_qos_profiles', summary)]:
@@ -106,29 +96,29 @@ def _open_mcap(path: Path, max_bytes: int) -> Optional[McapReader]:
 
 
 def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[Record]:
-    streams, max_bytes = {}, context.max_bytes
+    topics = {}
     for connection in reader.connections:
-        ext, about = connection.ext, (connection.topic, connection.msgtype, connection.msgdef.data)
-        stream = context.add_topic(*about, 'ros1', publisher=ext.callerid or '') if (
+        ext, count = connection.ext, connection.msgcount
+        about = connection.topic, connection.msgtype, connection.msgdef.data
+        topic = context.add_topic(
+            *about, 'ros1', publisher=ext.callerid or NOT_RECORDED, count=count) if (
             kind == '.bag') else context.add_topic(*about, ext.serialization_format, [
-                qos.durability.name for qos in ext.offered_qos_profiles])
-        if isinstance(stream, BagTopic):
-            stream.headers.expect(connection.msgcount)
-        if stream is not None:
-            streams[connection.id] = connection, stream
-    wanted = [connection for connection, _ in streams.values()]
+                qos.durability.name for qos in ext.offered_qos_profiles], count=count)
+        if topic.is_read:
+            topics[connection.id] = connection, topic
+    if any(connection.msgcount for connection in reader.connections):
+        context.add_span(*(reader.start_time, reader.end_time - 1) if kind == '.bag' else (
+            reader.statistics.start_time, reader.statistics.end_time))
+    wanted = [connection for connection, _ in topics.values()]
     if kind == '.mcap':
-        _check_sizes(reader, streams.keys(), max_bytes)
+        _check_sizes(reader, topics.keys(), context.max_bytes)
     number, total = 0, sum(connection.msgcount for connection in wanted)
     for connection, time, data in reader.messages(wanted) if wanted else ():
         if number % ADVANCE == 0:
             context.advance(min(1.0, number / total))
         number += 1
-        stream = streams[connection.id][1]
-        if isinstance(stream, Stream):
-            yield stream, time, unpack_message(data, max_bytes)
-        elif stream.headers.wants_next():
-            stream.headers.add(time, first_bytes(data))
+        if record := context.record(topics[connection.id][1], time, data):
+            yield record
     if number != total:
         raise ValueError(f'its index announces {total} messages, but {number} were found')
 

@@ -12,6 +12,7 @@ from puretf._core.engine import Engine
 from puretf._core.frames import Frame
 from puretf._core.hints import hint_at_duration
 from puretf._core.pose import Pose
+from puretf._core.search import PathEdge
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.velocity import twist
 from puretf._core.waiting import wait
@@ -204,6 +205,22 @@ class BufferBase:
         """
         with self._engine.reading():
             return self._engine.lookups.stamps(target_frame, source_frame)
+
+    def path_edges(self, target_frame: str, source_frame: str) -> list[PathEdge]:
+        """
+        Return the dynamic edges on the path between two frames, each with its stamps.
+
+        If frames have changed their parents, an edge is returned once for each period in which it
+        is on the path and no frame changes its parent. See `path_stamps`.
+
+        :returns: tuples of the names `parent` and `child`, the times `begin` and `end` of the
+            period (ns), and `stamps`, (n,) int64 (ns): those in the period, and one before and
+            after it.
+        :raises TransformException: if a frame does not exist, or if there is no path at any time.
+        :raises TypeError: if a frame is not a str.
+        """
+        with self._engine.reading():
+            return self._engine.lookups.path_edges(target_frame, source_frame)
 
     def frame_names(self) -> list[str]:
         """Return the names of all frames, roots included, in the order of their first use."""

@@ -288,10 +288,15 @@ class History:
         return [self.stamps[i] for i in range(self.start + 1, len(parents))
                 if parents[i] != parents[i - 1]]
 
-    def stamps_between(self, begin: int, end: int) -> NDArray[np.int64]:
-        """Return the stamps (ns) from `begin` to before `end`; a stamp may occur several times."""
+    def stamps_between(self, begin: int, end: int, beyond: int = 0) -> NDArray[np.int64]:
+        """
+        Return the stamps (ns) from `begin` to before `end`; a stamp may occur several times.
+
+        :param beyond: how many stamps before and after are returned, too.
+        """
         first = bisect_left(self.stamps, begin, self.start)
-        return np.array(self.stamps[first:bisect_left(self.stamps, end, first)], np.int64)
+        last = bisect_left(self.stamps, end, first) + beyond
+        return np.array(self.stamps[max(first - beyond, self.start):last], np.int64)
 
     def distance_to(self, time: int) -> int:
         """Return how far a time is before the oldest or after the newest sample (ns)."""

@@ -164,6 +164,10 @@ class Lookups:
         return (np.empty(0, np.int64) if target == source
                 else search.stamps(self.tree, target, source))
 
+    def path_edges(self, target: str, source: str) -> list[search.PathEdge]:
+        failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
+        return [] if target == source else search.path_edges(self.tree, target, source)
+
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
         time = time or search.latest_common_time(self.tree, target, source)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from itertools import pairwise, takewhile
-from typing import Optional
+from typing import NamedTuple, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,23 @@ def latest_common_time(tree: FrameTree, target: str, source: str) -> int:
     raise failures.unconnected(tree, target, source)
 
 
+class PathEdge(NamedTuple):
+    """A dynamic edge on the path between two frames, while no frame changes its parent."""
+
+    parent: str
+    child: str
+    begin: int  #: when the edge is on the path, first (ns)
+    end: int  #: and last (ns)
+    #: (n,) int64: the stamps of the edge (ns) from begin to end, and the nearest on both sides.
+    stamps: NDArray[np.int64]
+
+
+def path_edges(tree: FrameTree, target: str, source: str) -> list[PathEdge]:
+    return [PathEdge(str(edge.parent_near(begin)), child, begin, end - 1,
+                     edge.stamps_between(begin, end, 1))
+            for begin, end, edges in _periods(tree, target, source) for child, edge in edges]
+
+
 def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
     """
     Return the stamps of the samples of all edges on the path between two frames.
@@ -115,25 +132,35 @@ def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
     first sample and after its last one, a frame has the parent of this sample. So stamps at
     which only some of the edges have data are returned, too.
     """
+    parts = [edge.stamps_between(begin, end)
+             for begin, end, edges in _periods(tree, target, source) for _, edge in edges]
+    # A stable sort merges the sorted parts, many times as fast as np.unique.
+    result = np.sort(np.concatenate([np.empty(0, np.int64), *parts]), kind='stable')
+    is_new: NDArray[np.bool_] = np.diff(result, prepend=result[:1] - 1) != 0
+    return result[is_new]
+
+
+def _periods(tree: FrameTree, target: str, source: str
+             ) -> Iterator[tuple[int, int, list[tuple[str, History]]]]:
+    """
+    Yield the periods with a path: the begin, the time after the end, and the dynamic edges.
+
+    In a period, no frame above the two frames changes its parent.
+    """
     changes = {change for name in tree.all_ancestors(target) | tree.all_ancestors(source)
                if isinstance(history := tree.histories[name], History)
                for change in history.parent_changes()}
-    parts, is_connected = [np.empty(0, np.int64)], False
+    is_connected = False
     for begin, end in pairwise((-END, *sorted(changes), END)):
         from_source, from_target, meeting = tree.chains_to_meeting(source, target, begin)
-        if meeting is None:
-            continue
-        is_connected = True
-        edges = [history for chain in (from_source, from_target)
-                 for frame in takewhile(meeting.__ne__, chain)
-                 if isinstance(history := tree.histories[frame], History)]
-        parts += [edge.stamps_between(begin, end) for edge in edges]
+        if meeting is not None:
+            is_connected = True
+            yield begin, end, [
+                (frame, history) for chain in (from_source, from_target)
+                for frame in takewhile(meeting.__ne__, chain)
+                if isinstance(history := tree.histories[frame], History)]
     if not is_connected:
         raise failures.unconnected(tree, target, source)
-    # A stable sort merges the sorted parts, many times as fast as np.unique.
-    result = np.sort(np.concatenate(parts), kind='stable')
-    is_new: NDArray[np.bool_] = np.diff(result, prepend=result[:1] - 1) != 0
-    return result[is_new]
 
 
 def _ancestors(tree: FrameTree, frame: str) -> Iterator[tuple[str, str]]:

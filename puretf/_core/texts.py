@@ -263,7 +263,7 @@ def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
         where = 'on topics without a namespace: omit the namespace'
     else:
         names = comma_list([shortened(name) or '/' for name in namespaces], MAX_TOPICS)
-        where = f'in the namespace {names}: pass it as namespace (--namespace)'
+        where = f'in the namespace {names}: pass namespace='
     return f'no TFMessage on {" or ".join(expected)}, but {where}'
 
 

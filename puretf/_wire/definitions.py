@@ -19,15 +19,6 @@ def checked_yaml(data: bytes) -> str:
     return text
 
 
-def durabilities(profiles: str) -> list[str]:
-    """Return the durability in each of the QoS profiles that rosbag2 has recorded as YAML."""
-    from rosbags.rosbag2.metadata import parse_qos
-    try:
-        return [each.durability.name for each in parse_qos(checked_yaml(profiles.encode()))]
-    except Exception:  # a damaged or incomplete text raises errors of many types
-        return []
-
-
 @lru_cache(maxsize=1000)
 def begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
     """Return whether messages begin with a header; None: the definition is not understood."""

@@ -1,19 +1,49 @@
 """The command-line options for reading transforms from bags."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Optional
+from typing import Any, NamedTuple, Optional
 
 from puretf import TransformBuffer
-from puretf.bag import BagError, is_bag, read
+from puretf.bag import Bag, BagError, is_bag
+from puretf.bag import open as open_bag
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.parser import CommandError, Parser, UsageError
 from puretf_tools.cli.progress import progress
 
+#: Remedies in Python, and the same for commands.
+_REMEDIES = {'partial=True': '--partial', 'pass namespace=': 'pass --namespace',
+             ': if this size is expected, pass a larger max_bytes to bag.read': ''}
+
+
+class BagOption(NamedTuple):
+    """The bag of the options `--bag`, `--namespace` and `--partial`."""
+
+    paths: Sequence[str]
+    namespace: str = ''
+    is_partial: bool = False
+
+    @contextmanager
+    def opened(self, on_progress: Optional[Callable[[float], object]] = None) -> Iterator[Bag]:
+        """
+        Open the bag; its errors become CommandErrors.
+
+        :param on_progress: see `puretf.bag.open`; None: show a bar while the bag is read.
+        """
+        with bag_progress(self.paths, on_progress) as show, open_bag(
+                self.paths, partial=self.is_partial, namespace=self.namespace,
+                on_progress=show) as bag:
+            yield bag
+
+    def read(self) -> TransformBuffer:
+        with self.opened() as bag:
+            return bag.read()
+
 
 def add_bag_options(parser: Parser) -> None:
-    parser.prepare = _repeat_option
+    """Add options; the command gets a `BagOption`, or None, as the argument `bag`."""
+    parser.prepare, parser.finish = _repeat_option, _join
     parser.add_argument('--bag', action='append', metavar='FILE...',
                         help='read the transforms from a bag, without ROS: a rosbag2 directory, a '
                         '.mcap or .db3 file, or a .bag of ROS 1. Of a recording that was split, '
@@ -44,40 +74,40 @@ def _repeat_option(arguments: Sequence[str]) -> list[str]:
     return repeated
 
 
-def read_bag(bag: Optional[Sequence[str]], namespace: str, partial: bool
-             ) -> Optional[TransformBuffer]:
-    """
-    Read the bag of the option `--bag`, with a bar; return None if the option is not given.
-
-    :raises CommandError: if the bag cannot be read, or is damaged and `partial` is not set.
-    """
-    check_bag_options(bag, partial)
-    if bag is None:
-        return None
-    with bag_progress(bag) as on_progress:
-        return read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
-
-
-def check_bag_options(bag: Optional[Sequence[str]], partial: bool) -> None:
-    if partial and bag is None:
+def _join(options: dict[str, Any]) -> None:
+    """Join the options of a bag to one."""
+    paths, is_partial = options['bag'], options.pop('partial')
+    if is_partial and paths is None:
         raise UsageError('--partial needs --bag')
-    if not all(bag or ()):
+    if not all(paths or ()):
         raise UsageError('--bag needs the path of a bag, got an empty one')
+    options['bag'] = paths and BagOption(paths, options['namespace'], is_partial)
 
 
 @contextmanager
-def bag_progress(bag: Sequence[str]) -> Iterator[Callable[[float], object]]:
+def bag_progress(bag: Sequence[str], on_progress: Optional[Callable[[float], object]] = None
+                 ) -> Iterator[Callable[[float], object]]:
     """
     Show a bar while the `with` block reads a bag, whose errors become CommandErrors.
 
     The target of `as` is the argument `on_progress` for `puretf.bag`; a signal ends it.
+
+    :param on_progress: what takes the place of the bar, if it is given.
     """
     try:
-        with progress(1.0, desc=f'reading {Path(bag[0]).name}',
-                      bar_format='{desc} {bar} {percentage:.0f} %') as on_progress:
-            yield on_progress
+        with nullcontext(on_progress) if on_progress else progress(
+                1.0, desc=f'reading {Path(bag[0]).name}',
+                bar_format='{desc} {bar} {percentage:.0f} %') as show:
+            yield show
     except BagError as error:
-        raise CommandError(str(error)) from None
+        raise CommandError(for_commands(str(error))) from None
     except OSError as error:
         raise CommandError(
             f'cannot read {error.filename or bag[0]}: {error.strerror or error}') from None
+
+
+def for_commands(text: str) -> str:
+    """Write the remedies of an error of a bag as options."""
+    for in_python, option in _REMEDIES.items():
+        text = text.replace(in_python, option)
+    return text

@@ -11,18 +11,12 @@ import sys
 from typing import Any, NoReturn, Optional
 
 from puretf import near_names, SECOND, visible
+from puretf_tools.cli.errors import CommandError as CommandError
+from puretf_tools.cli.errors import UsageError as UsageError
 from puretf_tools.cli.signals import record_signals, signal_received
 
 #: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
-
-
-class UsageError(ValueError):
-    """An invalid argument or parameter: exit code 2. The text says what is allowed."""
-
-
-class CommandError(Exception):
-    """A failure: exit code 1. The text gives the reason, and perhaps a remedy."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -35,6 +29,8 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
         #: Rewrites the arguments before they are parsed.
         self.prepare: Callable[[list[str]], list[str]] = list
+        #: Called with the options by name, which it may change; may raise UsageError.
+        self.finish: Callable[[dict[str, Any]], object] = len
 
     def error(self, message: str) -> NoReturn:
         """Print an error and the usage in one line on stderr, and exit with code 2."""
@@ -88,10 +84,11 @@ def run(parser: Parser, command: Callable[..., int],
         given = _without_ros_args(arguments)[1:]
         if given.count('--') > 1:  # before Python 3.12.7, argparse drops more (gh-81691)
             parser.error('-- can be given only once')
-        options = parser.parse_args(parser.prepare(given))
-        bag = vars(options).get('bag')
+        options = vars(parser.parse_args(parser.prepare(given)))
+        bag = options.get('bag')
+        parser.finish(options)
         _make_writable()
-        return command(ros_args=arguments, **vars(options))
+        return command(ros_args=arguments, **options)
     except KeyboardInterrupt:
         if number := bag and (signal_received() or signal.SIGINT):
             print(f'{parser.prog}: ended early by {signal.Signals(number).name}', file=sys.stderr)

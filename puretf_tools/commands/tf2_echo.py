@@ -6,12 +6,17 @@ from math import degrees
 from time import monotonic
 from typing import Optional
 
+import numpy as np
+
 from puretf import exact_time, SECOND, shortened, Transform, TransformException, visible
 from puretf.exceptions import tf2_words
 from puretf.rotations import euler_from_quaternion
-from puretf_tools.cli.bag_options import add_bag_options, read_bag
-from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
+from puretf_tools.cli.bag_options import add_bag_options, BagOption
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
+from puretf_tools.cli.times import LATEST, WHEN, When, when
+from puretf_tools.inspection.bag_times import span_of, why_outside
+from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.terminal import fixed_point, Once
 
 RATE = 1.0  # Hz
@@ -46,9 +51,9 @@ def _bracketed(values: Sequence[float], precision: int) -> str:
 
 
 def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = None,
-            rate: Optional[float] = None, time: int = 0, precision: int = PRECISION,
-            once: bool = False, bag: Optional[Sequence[str]] = None, namespace: str = '',
-            partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
+            rate: Optional[float] = None, time: When = LATEST, precision: int = PRECISION,
+            once: bool = False, bag: Optional[BagOption] = None, namespace: str = '', *,
+            ros_args: Sequence[str] = ()) -> int:
     """
     Print the pose of the target frame in the source frame.
 
@@ -67,14 +72,21 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
         raise UsageError(f'the rate must be more than 0 Hz, got {hertz:g}')
     if not 0 <= precision <= _MAX_DIGITS:
         raise UsageError(f'the precision must be from 0 to {_MAX_DIGITS} digits, got {precision}')
-    if buffer := read_bag(bag, namespace, partial):
+    if bag:
+        buffer = bag.read()
+        span = span_of(buffer.frames())
+        stamp = time.within(span)
         try:
-            transform = buffer.lookup_transform(source_frame, target_frame, time)
+            transform = buffer.lookup_transform(source_frame, target_frame, stamp)
         except TransformException as error:
-            raise CommandError(str(error)) from None
+            raise CommandError(why_outside(stamp, span) or str(error)) from None
         print(format_transform(transform, precision))
+        for hole in filter(None, holes_at(
+                buffer, source_frame, target_frame, np.array([transform.stamp]))):
+            print(hole.interpolated(span[0]))
         return 0
-    return _echo(source_frame, target_frame, hertz, time, precision, once, ros_args, namespace)
+    return _echo(source_frame, target_frame, hertz, time.absolute('-t'), precision, once,
+                 ros_args, namespace)
 
 
 def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precision: int,
@@ -136,8 +148,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
                         help=f'how often to print the transform (Hz; default: {RATE:g})')
     parser.add_argument('-r', '--rate', type=number, help='the rate (Hz), as an option')
-    parser.add_argument('-t', '--time', type=seconds, default=0,
-                        help='time of the transform (s; default: 0, the latest)')
+    parser.add_argument('-t', '--time', type=when, default=LATEST, help=f'{WHEN} (default: 0)')
     parser.add_argument('-p', '--precision', type=digits, default=PRECISION, metavar='DIGITS',
                         help='digits after the point (default: %(default)s)')
     parser.add_argument('--once', action='store_true', help='print the transform once, then exit')

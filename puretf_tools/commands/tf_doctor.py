@@ -13,22 +13,26 @@ import threading
 import time
 from typing import Any, Optional, TYPE_CHECKING
 
+import numpy as np
+
 from puretf import exact_time, in_seconds, TF_MESSAGE, visible
-from puretf.bag import messages, NOT_RECORDED, read, recordings
-from puretf_tools.cli.bag_options import add_bag_options, bag_progress, check_bag_options
-from puretf_tools.cli.parser import number, Parser, run, seconds, UsageError
+from puretf.bag import BagMessage, NOT_RECORDED, recordings
+from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
+from puretf_tools.cli.parser import number, Parser, run, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
+from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
-from puretf_tools.doctor.observation import Endpoint, in_words, Observation
+from puretf_tools.doctor.observation import BagObserver, Endpoint, in_words, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
 from puretf_tools.doctor.troubleshooting import explained
+from puretf_tools.inspection.bag_times import span_of, why_outside
 from puretf_tools.inspection.feeds import OtherTopic
+from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
-from puretf_tools.robot.observed import robots_in_bag
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -40,18 +44,17 @@ _MARGIN = 5.0
 _POLL = 0.05
 
 
-def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int = 0,
+def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: When = LATEST,
             duration: Optional[float] = None, as_json: bool = False,
             ignore: Sequence[str] = (), list_codes: bool = False,
-            bag: Optional[Sequence[str]] = None, namespace: str = '', partial: bool = False,
-            jobs: Optional[int] = None, words: Optional[Sequence[str]] = None, *,
-            ros_args: Sequence[str] = ()) -> int:
+            bag: Optional[BagOption] = None, namespace: str = '', jobs: Optional[int] = None,
+            words: Optional[Sequence[str]] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Print what is wrong with the transforms, or explain the path between two frames."""
     ends = [name.removeprefix('/') for name in (frame_a, frame_b) if name is not None]
     if len(ends) == 1 or not all(ends):
         raise UsageError('give two frames to explain the path between them, or none to check '
                          'everything')
-    if t and not ends:
+    if t != LATEST and not ends:
         raise UsageError('-t needs two frames')
     try:
         check_codes(ignore)
@@ -59,7 +62,6 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         raise UsageError(str(error)) from None
     if bag is not None and duration is not None:
         raise UsageError('--time is for listening: leave it out with --bag')
-    check_bag_options(bag, partial)
     if jobs is not None and (bag is None or ends or jobs < 1):
         raise UsageError(f'--jobs must be at least 1, got {jobs}' if jobs < 1 else
                          '--jobs is for examining bags, with --bag and without frames')
@@ -76,15 +78,14 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
             raise UsageError(str(error)) from None
         return 0
     if ends:
-        explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
-                       if bag is None else
-                       _explain_bag((ends[0], ends[1]), t, bag, namespace, partial))
+        pair = ends[0], ends[1]
+        explanation = (_explain_bag(pair, t, bag) if bag else
+                       _explain_live(pair, t.absolute('-t'), duration, ros_args, namespace))
         print(json.dumps(explanation.as_dict(), indent=2) if as_json else explanation)
         return int(bool(explanation.why_not))
     if bag is not None:
-        return _examine_bags(bag, jobs or 1, as_json, partial_function(
-            examine_bag, ignore=ignore, namespace=namespace, partial=partial,
-            read_robots=robots_in_bag))
+        return _examine_bags(bag.paths, jobs or 1, as_json, partial_function(
+            examine_bag, ignore=ignore, namespace=namespace, partial=bag.is_partial))
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
@@ -99,6 +100,8 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
     found = recordings(bag)
     healthy = faulty = unreadable = 0
     for result in _results(found, jobs, examine_one):
+        if 'error' in result:
+            result['error'] = for_commands(result['error'])
         is_faulty = any(each['severity'] == ERROR for each in result.get('findings', ()))
         unreadable += 'error' in result
         faulty += is_faulty
@@ -163,17 +166,24 @@ def _results(found: Sequence[Sequence[Path]], jobs: int,
                     process.kill()
 
 
-def _explain_bag(ends: tuple[str, str], stamp: int, bag: Sequence[str], namespace: str,
-                 partial: bool) -> Explanation:
-    with bag_progress(bag) as on_progress:
-        buffer = read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
-    statistics = Statistics()
-    if any(frame.authority != NOT_RECORDED for frame in buffer.frames()):
-        # The buffer knows only the last publisher of a frame, so the bag is read once more.
-        with bag_progress(bag) as on_progress:
-            statistics.add_messages(messages(
-                bag, namespace=namespace, partial=partial, on_progress=on_progress))
-    return explain(buffer, ends, stamp, statistics.publishers_by_child({}))
+def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Explanation:
+    # A buffer knows only the last publisher of a frame.
+    observer = BagObserver()
+
+    def add(message: BagMessage) -> None:
+        if message.publisher != NOT_RECORDED:
+            observer.add(message)
+
+    with option.opened() as bag:
+        buffer = bag.read(on_message=add)
+    span = span_of(buffer.frames())
+    stamp = time_.within(span)
+    explanation = explain(buffer, ends, stamp, observer.counted().publishers_by_child({}))
+    if explanation.why_not:
+        why = why_outside(stamp, span) or explanation.why_not
+        return explanation._replace(begin=span[0], why_not=why)
+    hole, = holes_at(buffer, *ends, np.array([explanation.stamp]))
+    return explanation._replace(begin=span[0], hole=hole.interpolated(span[0]) if hole else '')
 
 
 # A live system
@@ -353,9 +363,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '          tf_doctor map end_effector\n          tf_doctor --explain future')
     parser.add_argument('frame_a', nargs='?')
     parser.add_argument('frame_b', nargs='?')
-    parser.add_argument('-t', type=seconds, default=0, metavar='TIME',
-                        help='with two frames: the time of the transform (s; default: 0, the '
-                        'latest)')
+    parser.add_argument('-t', type=when, default=LATEST, metavar='TIME',
+                        help=f'with two frames: {WHEN} (default: 0)')
     parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
                         help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
     parser.add_argument('--json', dest='as_json', action='store_true',

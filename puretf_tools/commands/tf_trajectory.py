@@ -1,31 +1,33 @@
 """The command `tf_trajectory`: write or draw the pose of a frame in another one over time."""
 
+from argparse import Action
+from bisect import bisect_left, bisect_right
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
+from functools import partial
 from io import BytesIO
 from math import pi, tau
 import os
 from pathlib import Path
-from shutil import copyfileobj
 import sys
-from tempfile import TemporaryFile
-from typing import Any, Optional, TextIO, TYPE_CHECKING, Union
+from typing import Any, Optional, TextIO
 import warnings
-from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import exact_time, SECOND, shortened, TransformBuffer, TransformException, visible
-from puretf_tools.cli.bag_options import add_bag_options, read_bag
+from puretf import exact_time, SECOND, shortened, TransformException, visible
+from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
-from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
+from puretf_tools.cli.times import When, when
+from puretf_tools.inspection import gaps, recorded
+from puretf_tools.inspection.bag_times import both
+from puretf_tools.inspection.recorded import Recording
 from puretf_tools.inspection.terminal import is_terminal
-
-if TYPE_CHECKING:
-    from puretf import BufferCore
 
 #: The files that can be written.
 TABLES, DRAWINGS = ('.csv', '.tum', '.npz'), ('.png', '.svg', '.pdf')
@@ -51,7 +53,6 @@ TWIST = ('vx_m_s', 'vy_m_s', 'vz_m_s', 'wx_rad_s', 'wy_rad_s', 'wz_rad_s')
 ARRAYS = {'positions': slice(0, 3), 'quaternions': slice(3, 7), 'rpy': slice(7, 10),
           'linear': slice(10, 13), 'angular': slice(13, 16)}
 
-AnyBuffer = Union[TransformBuffer, 'BufferCore']
 #: Stamps, (n,) int64 (ns), and values, (n, 10) or, with a twist, (n, 16) float64.
 Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
 
@@ -59,15 +60,17 @@ Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
 class Trajectory:
     """The poses of a source frame in a target frame at increasing times (ns)."""
 
-    def __init__(self, buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int64],
-                 has_twist: bool, has_bar: bool = True) -> None:
-        self.target, self.source, self.times, self.has_twist = target, source, times, has_twist
-        self._buffer, self._has_bar = buffer, has_bar
+    def __init__(self, recording: Recording, times: NDArray[np.int64], has_twist: bool,
+                 max_gap: Optional[int] = None, has_bar: bool = True) -> None:
+        self._buffer, self.target, self.source, self._zero, *_ = recording
+        self.times, self.has_twist, self._has_bar = times, has_twist, has_bar
+        self._has_limit = max_gap is not None
+        self._holes = gaps.holes_at(self._buffer, self.target, self.source, times, max_gap)
+        self._in_holes: Counter[gaps.Hole] = Counter()
         #: The number of rows so far, and the stamps of the first and the last of them (ns).
         self.count = self.begin = self.end = 0
-        #: The number of times left out so far, the first of them (ns), and why it was left out.
-        self.left_out = self.first_left_out = 0
-        self.reason = ''
+        self._last = np.zeros(4)  # the quaternion of the last row
+        self._missing = [np.empty(0, np.int64)]  # the times without a transform (ns)
 
     def parts(self) -> Iterator[Rows]:
         """
@@ -78,13 +81,32 @@ class Trajectory:
         with progress(len(self.times), desc='looking up', disable=None if self._has_bar else True,
                       bar_format='{desc} {bar} {n} of {total} rows') as show_progress:
             for begin in range(0, len(self.times), _PART):
-                times = self.times[begin:begin + _PART]
-                yield self._part(times)
-                show_progress(begin + len(times))
+                part = slice(begin, begin + _PART)
+                yield self._part(self.times[part], self._holes[part])
+                show_progress(begin + len(self.times[part]))
         if not self.count:
-            raise CommandError(
-                f'no row has a transform{" and a velocity" * self.has_twist}; the first of '
-                f'{self.left_out}, at {exact_time(self.first_left_out)} s: {self.reason}')
+            raise CommandError(f'there is no row: {"; ".join(self.remarks())}')
+
+    def remarks(self) -> Iterator[str]:
+        """Yield a line for each reason why rows are left out, or may be wrong."""
+        missing = np.concatenate(self._missing)
+        dated = missing[missing != 0]
+        is_beyond, data = gaps.beyond_ends(self._buffer, self.target, self.source, dated)
+        others, in_holes = np.setdiff1d(missing, dated[is_beyond]), sum(self._in_holes.values())
+        if is_beyond.any():
+            yield f'{self._some(int(is_beyond.sum()), "stamp")} outside the data of {data}'
+        if len(others):
+            yield (f'{self._some(len(others))} left out, without a transform'
+                   f'{" or a velocity" * self.has_twist}; the first, at {exact_time(others[0])} '
+                   f's: {self._why_not(int(others[0]))}')
+        if in_holes:
+            hole = max(self._in_holes, key=lambda each: each.end - each.begin)
+            what = 'left out, in' if self._has_limit else 'interpolated over'
+            yield (f'{in_holes} row{"s are" if in_holes > 1 else " is"} {what} gaps without data: '
+                   f'{hole.edge} has none {hole.between(self._zero)}')
+
+    def _some(self, count: int, what: str = 'row') -> str:
+        return f'{count} of {len(self.times)} {what}s {"is" if count == 1 else "are"}'
 
     def rows(self) -> Iterator[Rows]:
         """Look up the poses as `parts`, without the rows of NaN."""
@@ -93,7 +115,7 @@ class Trajectory:
             if known.any():
                 yield stamps[known], values[known]
 
-    def _part(self, times: NDArray[np.int64]) -> Rows:
+    def _part(self, times: NDArray[np.int64], holes: NDArray[np.object_]) -> Rows:
         positions, quaternions, known = self._buffer.lookup_transforms(
             self.target, self.source, times)
         known &= times != 0  # these are the latest poses
@@ -105,15 +127,18 @@ class Trajectory:
                     columns[-1][i] = np.ravel(self._twist(int(times[i])))
         values = np.hstack(columns)
         known &= np.isfinite(values).all(axis=1)
+        self._missing.append(times[~known])
+        is_in_hole = known & holes.astype(np.bool_)
+        self._in_holes.update(holes[is_in_hole].tolist())
+        if self._has_limit:
+            known &= ~is_in_hole
         values[~known] = np.nan
-        present, missing = times[known].tolist(), times[~known].tolist()
-        if present:
-            self.begin = self.begin if self.count else present[0]
-            self.end = present[-1]
-        if missing and not self.left_out:
-            self.first_left_out, self.reason = missing[0], self._why_not(missing[0])
-        self.count += len(present)
-        self.left_out += len(missing)
+        if known.any():
+            stamps = times[known].tolist()
+            self.begin, self.end = self.begin if self.count else stamps[0], stamps[-1]
+            self.count += len(stamps)
+            values[known, 3:7] = own = _without_flips(values[known, 3:7], self._last)
+            self._last = own[-1]
         return times, values
 
     def _twist(self, time: int) -> Any:
@@ -132,6 +157,15 @@ class Trajectory:
             except TransformException as error:
                 return f'there is no velocity: {error}'
         return 'a number is too large for a float64'
+
+
+def _without_flips(quaternions: NDArray[np.float64], last: NDArray[np.float64]
+                   ) -> NDArray[np.float64]:
+    """Choose the sign of each quaternion, (n, 4), by the one before; `last` is before all."""
+    before = np.vstack((last, quaternions[:-1]))
+    is_flip = (quaternions * before).sum(axis=1, keepdims=True) < 0.0
+    signed: NDArray[np.float64] = quaternions * np.cumprod(np.where(is_flip, -1.0, 1.0), axis=0)
+    return signed + 0.0  # no -0.0
 
 
 def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,36 +188,49 @@ def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     return wrapped
 
 
-def command(target_frame: str, source_frame: str, output: Optional[str] = None,
-            every: Optional[float] = None, twist: bool = False, seconds: Optional[float] = None,
-            bag: Optional[Sequence[str]] = None, namespace: str = '', partial: bool = False, *,
+def command(target_frame: Optional[str] = None, source_frame: Optional[str] = None,
+            output: Optional[str] = None, every: Optional[int] = None,
+            at: Optional[str] = None, start: Optional[When] = None, stop: Optional[When] = None,
+            max_gap: Optional[int] = None, twist: bool = False, topic: Optional[str] = None,
+            tf_topic: Optional[str] = None, seconds: Optional[float] = None,
+            bag: Optional[BagOption] = None, namespace: str = '', *,
             ros_args: Sequence[str] = ()) -> int:
     """
     Write or draw the poses of the source frame in the target frame over time.
 
     :param output: path of the file. Its ending gives the format; see `TABLES` and `DRAWINGS`.
         None: print the table in CSV.
-    :param every: the interval between two rows (s), counted from the first stamp; None: a row for
+    :param every: the interval between two rows (ns), counted from the first stamp; None: a row for
         each stamp of the dynamic transforms between the two frames.
+    :param at: a topic that gives the stamps of the rows; then the first frame may be left out.
+    :param max_gap: the longest step of an edge over which poses are interpolated (ns).
+    :param topic: a topic of poses, in place of the two frames.
     :param seconds: how long to listen (s); None: 5 s.
     """
-    target, source = (name.removeprefix('/') for name in (target_frame, source_frame))
-    if not target or not source:
-        raise UsageError('a frame must have a name')
-    if seconds is not None and bag is not None:
-        raise UsageError('--time is for listening: leave it out with --bag')
+    frames = [name.removeprefix('/') for name in (target_frame, source_frame) if name is not None]
+    for is_wrong, why in (
+            (not all(frames), 'a frame must have a name'),
+            (bag and seconds is not None, '--time is for listening: leave it out with --bag'),
+            (not bag and (start or stop or at or topic or tf_topic),
+             '--start, --stop, --at, --topic and --tf-topic need --bag'),
+            (every == 0, '--every must be more than 0 s'),
+            (at and every, 'give either --at or --every'),
+            (topic and (frames or at or tf_topic),
+             'with --topic, leave out the frames, --at and --tf-topic')):
+        if is_wrong:
+            raise UsageError(why)
     seconds = listening_time(seconds)
-    if every is not None and not 1 <= every * SECOND < 2**63:
-        raise UsageError(f'--every must be at least 1e-09 s, and less than 9.2e+09 s, got '
-                         f'{every:g}')
     path = None if output is None else _output_path(output, twist)
-    buffer = (read_bag(bag, namespace, partial)
-              or _record(target, source, seconds, namespace, ros_args))
-    times = _times(buffer, target, source, every)
+    if bag is None:
+        recording = _record(frames[0], frames[1], seconds, namespace, ros_args)
+    else:
+        with bag.opened() as opened:
+            recording = recorded.read(opened, frames, at, topic, tf_topic)
+    times = _times(recording, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
     # There is no bar within a table on the terminal.
-    trajectory = Trajectory(buffer, target, source, times[::step], twist,
+    trajectory = Trajectory(recording, times[::step], twist, max_gap,
                             has_bar=path is not None or not is_terminal())
     if path is None:
         _write_csv(sys.stdout, trajectory.rows(), twist)
@@ -191,24 +238,16 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
         with whole_file(path) as part:
             _write(part, path.suffix.lower(), trajectory, step)
             check_signals()
-    _print_summary(trajectory, path, f', of {len(times)} rows one of {step}' * (step > 1))
-    return 0
-
-
-def _print_summary(trajectory: Trajectory, path: Optional[Path], some: str) -> None:
-    rows = '1 row' if trajectory.count == 1 else f'{trajectory.count} rows'
-    summary = (f'{rows} from {exact_time(trajectory.begin)} s to {exact_time(trajectory.end)} s'
-               f'{some}')
+    some = f', of {len(times)} rows one of {step}' if step > 1 else ''
+    summary = (f'{trajectory.count} row{"s" * (trajectory.count > 1)} from '
+               f'{exact_time(trajectory.begin)} s to {exact_time(trajectory.end)} s{some}')
     if path is None:
         print(f'tf_trajectory: {summary}', file=sys.stderr)
     else:
         print(f'wrote {visible(str(path))}: {summary}')
-    if left_out := trajectory.left_out:
-        velocity = ' or a velocity' if trajectory.has_twist else ''
-        print(f'tf_trajectory: {left_out} of {len(trajectory.times)} rows '
-              f'{"are" if left_out > 1 else "is"} left out, without a transform{velocity}; the '
-              f'first, at {exact_time(trajectory.first_left_out)} s: {visible(trajectory.reason)}',
-              file=sys.stderr)
+    for remark in trajectory.remarks():
+        print(f'tf_trajectory: {visible(remark)}', file=sys.stderr)
+    return 0
 
 
 def _output_path(output: str, twist: bool) -> Path:
@@ -232,44 +271,56 @@ def _output_path(output: str, twist: bool) -> Path:
 
 
 def _record(target: str, source: str, seconds: float, namespace: str, ros_args: Sequence[str]
-            ) -> 'BufferCore':
+            ) -> Recording:
     """Listen for some time, or until Ctrl-C or SIGTERM; the two frames must be connected then."""
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('tf_trajectory', ros_args, namespace) as node:
         frame_listener = FrameListener(node, seconds + _MARGIN)
-        buffer: BufferCore = frame_listener.buffer
-        listen(seconds, buffer.frame_names)
+        listen(seconds, frame_listener.buffer.frame_names)
         try:
-            buffer.path_stamps(target, source)
+            frame_listener.buffer.path_stamps(target, source)
         except TransformException as error:
             why = frame_listener.why_no_transform(target, source)
             raise CommandError(why or str(error)) from None
     forget_signals()  # the first Ctrl-C has ended the recording; another one ends the command
-    return buffer
+    return Recording(frame_listener.buffer, target, source)
 
 
-def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]
-           ) -> NDArray[np.int64]:
-    """Return the times (ns) of the rows: the stamps, or times at equal distances `every` (s)."""
+def _times(recording: Recording, every: Optional[int], start: Optional[When],
+           stop: Optional[When]) -> NDArray[np.int64]:
+    """Return the times (ns) of the rows: stamps, or times at equal distances `every` (ns)."""
+    buffer, target, source, begin, end, others = recording
     try:
         stamps = buffer.path_stamps(target, source)
     except TransformException as error:
         raise CommandError(str(error)) from None
-    if not len(stamps):
+    if others is not None:
+        stamps = others
+    elif not len(stamps):
         raise CommandError('both frames are the same' if target == source else
                            f'{source!r} never moves in {target!r}: there is no dynamic transform '
                            'between them. Print its pose with tf2_echo')
-    if every is None:
-        return stamps
     first, last = int(stamps[0]), int(stamps[-1])
-    period = round(every * SECOND)
-    count = (last - first) // period + 1
-    if count > MAX_ROWS:
-        raise UsageError(f'--every {every:g} would give {count} rows, and at most {MAX_ROWS} are '
-                         f'possible: choose at least '
-                         f'{1.05 * (last - first) / MAX_ROWS / SECOND:.2g} s')
-    return first + period * np.arange(count, dtype=np.int64)
+    begin = begin or 0
+    low = start.within((begin, end)) if start else first
+    high = stop.within((begin, end)) if stop else last
+    if start and stop and low > high:
+        raise UsageError('--start must not be after --stop')
+    first, last = max(first, low), min(last, high)
+    if every is not None:
+        count = max(0, (last - first) // every + 1)
+        if count > MAX_ROWS:
+            raise UsageError(f'--every {every / SECOND:g} would give {count} rows, and at most '
+                             f'{MAX_ROWS} are possible: choose at least '
+                             f'{1.05 * (last - first) / MAX_ROWS / SECOND:.2g} s')
+        stamps = min(first, last) + every * np.arange(count, dtype=np.int64)
+    stamps = stamps[bisect_left(stamps, first):bisect_right(stamps, last)]
+    if not len(stamps):
+        raise CommandError(
+            f'there is no row in this time: the bag is from {exact_time(begin)} to '
+            f'{both(end, begin)}')
+    return stamps
 
 
 def _write(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
@@ -277,7 +328,7 @@ def _write(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     if ending in DRAWINGS:
         _draw(path, ending, trajectory, step)
     elif ending == '.npz':
-        _write_npz(path, trajectory.rows(), trajectory.has_twist)
+        _write_npz(path, trajectory.rows())
     else:
         with open(path, 'w', encoding='utf-8', newline='') as file:
             if ending == '.csv':
@@ -302,26 +353,12 @@ def _write_tum(file: TextIO, rows: Iterable[Rows]) -> None:
             for stamp, row in zip(stamps.tolist(), values[:, :7].tolist())))
 
 
-def _write_npz(path: Path, rows: Iterable[Rows], has_twist: bool) -> None:
-    """Write the arrays of all rows; until the number of rows is known, to temporary files."""
-    names = ('stamps', *ARRAYS) if has_twist else ('stamps', *ARRAYS)[:4]
-    count = 0
-    with ExitStack() as stack:
-        files = {name: stack.enter_context(TemporaryFile(dir=path.parent)) for name in names}
-        for stamps, values in rows:
-            count += len(stamps)
-            for name, file in files.items():
-                file.write((stamps if name == 'stamps' else values[:, ARRAYS[name]]).tobytes())
-        archive = stack.enter_context(ZipFile(path, 'w'))
-        for name, file in files.items():
-            check_signals()
-            file.seek(0)
-            with archive.open(f'{name}.npy', 'w', force_zip64=True) as member:
-                np.lib.format.write_array_header_1_0(member, {
-                    'descr': '<i8' if name == 'stamps' else '<f8', 'fortran_order': False,
-                    'shape': (count,) if name == 'stamps' else (
-                        count, values[:, ARRAYS[name]].shape[1])})
-                copyfileobj(file, member)
+def _write_npz(path: Path, rows: Iterable[Rows]) -> None:
+    stamps, values = (np.concatenate(each) for each in zip(*rows))
+    arrays: dict[str, Any] = {name: values[:, columns] for name, columns in ARRAYS.items()
+                              if columns.stop <= values.shape[1]}
+    with open(path, 'wb') as file:
+        np.savez(file, stamps=stamps, **arrays)
 
 
 def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
@@ -401,14 +438,38 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'examples: tf_trajectory map end_effector --time 20 -o arm.csv\n'
         '          tf_trajectory map end_effector --every 0.1 -o arm.png\n'
         '          tf_trajectory --bag robot.mcap map base_link -o robot.tum\n'
-        '          tf_trajectory --bag robot.mcap map base_link --twist -o robot.npz')
-    parser.add_argument('target_frame')
-    parser.add_argument('source_frame')
+        '          tf_trajectory --bag robot.mcap map base_link --twist -o robot.npz\n'
+        '          tf_trajectory --bag robot.mcap map base_link --at /scan --start +9 -o at.csv\n'
+        '          tf_trajectory --bag robot.mcap --topic /odom -o odom.tum')
+    frames = [parser.add_argument(name) for name in ('target_frame', 'source_frame')]
+
+    def topic(text: str, optional: Sequence[Action] = ()) -> str:
+        """Convert the name of a topic; with its option, some frames may be left out."""
+        for frame in optional:
+            frame.required = False
+        return f'/{text.strip("/")}'
+
     parser.add_argument('-o', '--output', metavar='FILE',
                         help='the file: a table (.csv, .npz, or .tum, which evo reads), or a '
                              'drawing (.png, .svg, .pdf); default: print the table in CSV')
-    parser.add_argument('--every', type=number, metavar='SECONDS',
+    parser.add_argument('--every', type=seconds, metavar='SECONDS',
                         help='the interval between two rows (s; default: a row for each stamp)')
+    parser.add_argument('--at', type=partial(topic, optional=frames[1:]), metavar='TOPIC',
+                        help='with --bag: a row for the stamp of each message on a topic; if only '
+                             'one frame is given, target_frame is the frame_id of the messages')
+    for name, what in ('start', 'first'), ('stop', 'last'):
+        parser.add_argument(f'--{name}', type=when, metavar='TIME',
+                            help=f'with --bag: the time of the {what} row: a stamp (s), +12.5 (s '
+                                 'after the start of the bag), -1.5 (before its end), or '
+                                 '2025-10-09T08:53:32Z')
+    parser.add_argument('--max-gap', type=seconds, metavar='SECONDS',
+                        help='no rows where a transform is interpolated over a longer time (s)')
+    parser.add_argument('--topic', type=partial(topic, optional=frames),
+                        help='with --bag, in place of the frames: the poses on a topic of '
+                             f'{", ".join(recorded.POSES)}')
+    parser.add_argument('--tf-topic', type=topic, metavar='TOPIC',
+                        help='with --bag: read the transforms on this topic of '
+                             f'{" or ".join(recorded.TRANSFORMS)}, too')
     parser.add_argument('--twist', action='store_true',
                         help='add the velocity of the origin of source_frame and its angular '
                              'velocity, both in the axes of target_frame, averaged over '

@@ -7,7 +7,7 @@ import sys
 from typing import Optional, TYPE_CHECKING
 
 from puretf import exact_time, Frame, in_seconds, shortened, suggest_names, visible
-from puretf_tools.cli.bag_options import add_bag_options, read_bag
+from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, DISCOVERY, listening_time, wait
@@ -53,9 +53,8 @@ def _age(now: int, stamp: int) -> str:
 
 
 def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
-            watch: bool = False, bag: Optional[Sequence[str]] = None, namespace: str = '',
-            partial: bool = False, root: Optional[str] = None, *,
-            ros_args: Sequence[str] = ()) -> int:
+            watch: bool = False, bag: Optional[BagOption] = None, namespace: str = '',
+            root: Optional[str] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Listen to transforms for some time, or read a bag; then draw the tree of frames."""
     if bag is not None and (watch or wait_time is not None):
         raise UsageError(
@@ -65,7 +64,8 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     if root == '':
         raise UsageError('--root needs the name of a frame')
     path = Path() if text or watch else output_path(output)
-    if buffer := read_bag(bag, namespace, partial):
+    if bag:
+        buffer = bag.read()
         frames = buffer.frames()
         now = max(frame.latest for frame in frames)
     else:

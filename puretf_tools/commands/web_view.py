@@ -1,6 +1,6 @@
 """The command `web_view`: show the frames, live or from a bag, in the browser."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import ceil
 from pathlib import Path
@@ -8,24 +8,28 @@ from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
-from puretf import namespace_path, visible
-from puretf.bag import BagError
-from puretf_tools.cli.bag_options import add_bag_options, read_bag
+from puretf import namespace_path, SECOND, TransformBuffer, visible
+from puretf.bag import Bag
+from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import BAR, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
+from puretf_tools.doctor.observation import BagObserver
+from puretf_tools.doctor.report import examine
 from puretf_tools.view.feed import BagFeed, Feed, LiveFeed
 
 if TYPE_CHECKING:
     from puretf_tools.view.export import Recording
 
 _EXPORTED_TIME = 10.0
+#: How long the thread that reads a bag may take to end (s).
+_LONGEST_END = 0.5
 
 
-def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence[str]] = None,
-            namespace: str = '', partial: bool = False, export: Optional[str] = None,
+def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOption] = None,
+            namespace: str = '', export: Optional[str] = None,
             duration: Optional[float] = None, meshes: Sequence[str] = (), *,
             ros_args: Sequence[str] = ()) -> int:
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
@@ -33,14 +37,15 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
         raise UsageError('--time needs --export')
     path = None if export is None else path_to_write(export, ['.html'])
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
-    if buffer := read_bag(bag, namespace, partial):
-        feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
+    if bag:
+        feed = BagFeed(TransformBuffer(2**63 - 1, max_samples=None), Path(bag.paths[0]).name)
         if path:
-            read_descriptions(feed, bag, namespace, partial)
+            with bag.opened() as opened:
+                read_into(feed, opened)
+            feed.update()
             _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
         else:
-            _show(feed, host, port, meshes, Thread(
-                target=_examine, args=(feed, bag, namespace, partial), daemon=True))
+            _show_bag(bag, feed, host, port, meshes)
     else:
         from puretf_tools.cli.node import spinning_node
         with spinning_node('web_view', ros_args, namespace) as node:
@@ -52,49 +57,56 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
     return 0
 
 
-def _examine(feed: BagFeed, bag: Sequence[str], namespace: str, partial: bool) -> None:
-    with suppress(KeyboardInterrupt):  # the command ends
-        read_descriptions(feed, bag, namespace, partial)
-    find_faults(feed.findings, bag, namespace, partial)
+def _show_bag(bag: BagOption, feed: BagFeed, host: str, port: Optional[int],
+              meshes: Sequence[str]) -> None:
+    """Serve the page of a bag, which a thread reads meanwhile."""
+    def on_progress(done: float) -> None:
+        check_signals()
+        feed.done = done
+
+    def read() -> None:
+        try:
+            read_into(feed, opened)
+        except BaseException as error:
+            feed.error = error
+
+    with bag.opened(on_progress) as opened:
+        reading = Thread(target=read, daemon=True)
+        try:
+            _show(feed, host, port, meshes, reading.start)
+        finally:
+            if reading.ident:
+                reading.join(_LONGEST_END)
 
 
-def read_descriptions(feed: BagFeed, bag: Optional[Sequence[str]], namespace: str, partial: bool
-                      ) -> None:
-    """Give a feed the descriptions of the robots below a namespace in a bag."""
-    from puretf_tools.robot.descriptions import in_bag
-    with suppress(BagError, OSError):  # `read_bag` or `find_faults` reports them
-        found = in_bag(bag or (), partial, lambda done: check_signals())
-        feed.robots = {topic: each for topic, each in found.items()
-                       if topic.startswith(f'{namespace_path(namespace)}/')}
-
-
-def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,
-                partial: bool) -> None:
-    """Fill the findings with those of `tf_doctor`, or the reason that there are none."""
+def read_into(feed: BagFeed, bag: Bag) -> None:
+    """Read a bag in one pass: its transforms, and at the end its robots and findings."""
+    feed.done, feed.player.is_whole = 0.0, False
+    observer = BagObserver()
+    bag.read(headers=True, others=observer.wanted, on_message=observer.add, buffer=feed.buffer)
+    feed.done = None
+    namespace = f'{namespace_path(bag.namespace)}/'
+    feed.robots = {topic: each for topic, each in observer.robots.descriptions.items()
+                   if topic.startswith(namespace)}
     try:
-        from puretf_tools.doctor import examine
-        from puretf_tools.robot.observed import robots_in_bag
-        report = examine(bag, namespace=namespace, partial=partial, read_robots=robots_in_bag,
-                         on_progress=lambda done: check_signals())
-        findings += [(report.verdict, 0), *((
+        report = examine(observer.observation(bag))
+        feed.findings = [(report.verdict, 0), *((
             f'{finding.severity} {finding.code}: '
             f'{", ".join(finding.frames or finding.topics)}: {finding.evidence}', finding.time)
             for finding in report.findings)]
     except Exception as error:
-        findings += [(f'tf_doctor cannot examine the bag: {error or type(error).__name__}', 0)]
-    except KeyboardInterrupt:
-        pass  # the command ends
+        feed.findings = [
+            (f'tf_doctor cannot examine the bag: {error or type(error).__name__}', 0)]
 
 
 def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
                   ) -> 'Recording':
     from puretf_tools.view.export import PERIOD, Recording
     player, recording = feed.player, Recording(feed, meshes)
-    assert player is not None
     length = player.length if seconds is None else min(seconds, player.length)
     with progress(length, desc='recording', bar_format=BAR) as show_progress:
         for i in range(ceil(length / PERIOD) + 1):
-            player.seek(min(length, i * PERIOD))
+            player.seek(player.begin + round(min(length, i * PERIOD) * SECOND))
             recording.add(player.position, player.time)
             show_progress(player.position)
     return recording
@@ -121,10 +133,10 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
 
 
 def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str],
-          examination: Optional[Thread] = None) -> None:
+          on_served: Callable[[], object] = lambda: None) -> None:
     from puretf_tools.view.page import show
     with suppress(KeyboardInterrupt):  # which is its normal end
-        show(feed, host, port, meshes, examination)
+        show(feed, host, port, meshes, on_served)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

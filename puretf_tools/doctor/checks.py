@@ -719,34 +719,6 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 # Warnings
 
 
-@_check('message_early', WARNING,
-        f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
-        'so lookups without a timeout fail.',
-        'Wait for the transforms, or let them be sent sooner.', 'headers',
-        section='Extrapolation into the future')
-def _message_early(observation: Observation) -> Iterator[_Fault]:
-    for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
-        topics.sort(key=lambda each: -each[0].quantiles()[2])
-        topic, _ = topics[0]
-        median, most, largest = topic.quantiles()
-        yield _of_edge(
-            observation, edge, topics, 'can be transformed only after waiting for the edge '
-            f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
-            f'{largest:.3g} s (largest)',
-            f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
-            f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            '...). Or let the transforms be sent sooner.')
-
-
-@_check('message_zero_stamp', WARNING,
-        'Messages have the stamp 0, so every lookup takes the latest transform.',
-        'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
-        'received.', 'headers', section='use_sim_time and the wall clock')
-def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
-    for topic, found in _found(observation, Verdict.ZERO_STAMP):
-        yield _of_topic(observation, topic, found, 'have the stamp 0')
-
-
 @_check('gap', WARNING,
         f'The time from one stamp to the next one is often longer than {_GAP} periods, or once '
         f'much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published any '
@@ -783,6 +755,34 @@ def _has_gap(track: Track) -> bool:
     return steps >= _FEWEST and bool(
         track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
         or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
+
+
+@_check('message_early', WARNING,
+        f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
+        'so lookups without a timeout fail.',
+        'Wait for the transforms, or let them be sent sooner.', 'headers',
+        section='Extrapolation into the future')
+def _message_early(observation: Observation) -> Iterator[_Fault]:
+    for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+        topics.sort(key=lambda each: -each[0].quantiles()[2])
+        topic, _ = topics[0]
+        median, most, largest = topic.quantiles()
+        yield _of_edge(
+            observation, edge, topics, 'can be transformed only after waiting for the edge '
+            f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
+            f'{largest:.3g} s (largest)',
+            f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
+            f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
+            '...). Or let the transforms be sent sooner.')
+
+
+@_check('message_zero_stamp', WARNING,
+        'Messages have the stamp 0, so every lookup takes the latest transform.',
+        'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
+        'received.', 'headers', section='use_sim_time and the wall clock')
+def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _found(observation, Verdict.ZERO_STAMP):
+        yield _of_topic(observation, topic, found, 'have the stamp 0')
 
 
 @_check('jump', WARNING,

@@ -5,6 +5,7 @@ from itertools import takewhile
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from puretf import exact_time, Frame, in_seconds, shortened, visible
+from puretf_tools.inspection.bag_times import both
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
 from puretf_tools.inspection.traffic import rate_of
@@ -23,6 +24,11 @@ class Explanation(NamedTuple):
     roots: tuple[str, str]  #: the roots above the two frames; if they meet, the meeting frame
     why_not: str  #: why there is no transform; '': there is one
     age: str = ''  #: how old the transform is, in words; '': not known
+    begin: int = 0  #: the begin of the bag (ns); 0: the frames are live
+    hole: str = ''  #: that the transform is interpolated over a time without data
+
+    def _written(self, time: int) -> str:
+        return both(time, self.begin) if self.begin else exact_time(time)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, as in the JSON of `tf_doctor`."""
@@ -52,11 +58,12 @@ class Explanation(NamedTuple):
                 lines += ['', f'No edge connects {" and ".join(map(shortened, self.roots))}.']
             lines = [*wrapped(f'{what}, with the rate, the oldest and the newest stamp, and the '
                               'publisher of each edge:'), '', *lines, '']
-        when = f'at {exact_time(self.stamp)}' if self.stamp else 'at all times'
+        when = f'at {self._written(self.stamp)}' if self.stamp else 'at all times'
         return '\n'.join([*lines, *wrapped(visible(
             f'There is no transform from {second} to {first}: {self.why_not}'
             if self.why_not else
-            f'The transform from {second} to {first} exists {when}{self.age}.'))])
+            f'The transform from {second} to {first} exists {when}{self.age}.'
+            f'{self.hole and f" It is {self.hole}."}'))])
 
 
 def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp: int,

@@ -6,21 +6,21 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, pairwise
 from operator import itemgetter
-import os
 from typing import NamedTuple, Optional
 
 import numpy as np
 
 from puretf import comma_list, namespace_path, SECOND
-from puretf.bag import Headers, messages, missing_part, NOT_RECORDED, Paths, Topic
+from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Half, halves, OtherTopic, Sender
 from puretf_tools.inspection.robots import prefix, Robot
 from puretf_tools.inspection.traffic import recreated
+from puretf_tools.robot.observed import RobotsInBag
 
-#: A function of a bag, `partial` and `on_progress`, as of `puretf.bag.read`.
-ReadRobots = Callable[[Paths, bool, Optional[Callable[[float], object]]], Sequence[Robot]]
+#: Messages of a bag are counted when this number of them, or of their bytes, has been read.
+_MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 #: The largest number of names in a text.
 SHOWN = 5
 
@@ -304,24 +304,54 @@ def in_words(nanoseconds: float) -> str:
     return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
 
 
-def name_of(bag: Paths) -> str:
-    """Return the path of a bag for texts; of several files, the first."""
-    paths = [bag] if isinstance(bag, (str, os.PathLike)) else [*bag]
-    return str(paths[0]) if paths else ''
+class BagObserver:
+    """
+    What is observed of a bag while it is read.
+
+    Pass `wanted` as `others` to `Bag.messages` or `Bag.read`, and each message to `add`.
+    """
+
+    wanted = RobotsInBag.wanted
+
+    def __init__(self) -> None:
+        self._statistics, self.robots = Statistics(), RobotsInBag()
+        self._waiting: list[BagMessage] = []
+        self._size = 0
+
+    def add(self, message: BagMessage) -> None:
+        """Count the transforms of a message, or note what it says of a robot."""
+        if message.topic.is_static is None:
+            self.robots.add(message)
+            return
+        self._waiting.append(message)
+        self._size += len(message.data)
+        if self._size > _MOST_BYTES or len(self._waiting) >= _MOST_WAITING:
+            self.counted()
+
+    def counted(self) -> Statistics:
+        """Return the statistics of the messages so far."""
+        self._statistics.add_messages(self._waiting)
+        self._waiting, self._size = [], 0
+        return self._statistics
+
+    def observation(self, bag: Bag) -> Observation:
+        """Return all that was observed, once the bag has been read with its headers."""
+        return _observation(bag, self.counted(), self.robots.robots())
 
 
-def observe_bag(bag: Paths, namespace: str = '', partial: bool = False,
-                on_progress: Optional[Callable[[float], object]] = None,
-                read_robots: Optional[ReadRobots] = None) -> Observation:
-    """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""
-    bag = bag if isinstance(bag, (str, os.PathLike)) else [*bag]  # an iterator is read once
-    statistics, topics = Statistics(), list[Topic]()
-    statistics.add_messages(messages(
-        bag, namespace=namespace, partial=partial, on_progress=on_progress,
-        on_topics=topics.extend))
+def observe_bag(bag: Bag) -> Observation:
+    """Read the transforms of a bag, the headers on its other topics, and its robots."""
+    observer = BagObserver()
+    for message in bag.messages(headers=True, others=observer.wanted):
+        observer.add(message)
+    return observer.observation(bag)
+
+
+def _observation(bag: Bag, statistics: Statistics, robots: Sequence[Robot]) -> Observation:
+    topics = bag.topics
     nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
     tracks = statistics.tracks()
-    path = namespace_path(namespace)
+    path = namespace_path(bag.namespace)
     own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
     latched = [topic for topic in topics if topic.name == static and topic.is_tf]
     not_known = {'listeners': 'a bag does not record the listeners'}
@@ -335,22 +365,20 @@ def observe_bag(bag: Paths, namespace: str = '', partial: bool = False,
                  and topic.name.removesuffix('_static').endswith('/tf')]
     others = [topic for topic in tf_topics if topic.endswith('/tf')]
     has_static = any(track.is_static for track in tracks)
-    has_robots = any(topic.name.endswith('/robot_description') for topic in topics)
     return Observation(
-        statistics, f'in {name_of(bag)}', own_topics, nodes=nodes,
+        statistics, f'in {bag.path}', own_topics, nodes=nodes,
         endpoints=[*(Endpoint(topic.name, '', wrong_type=topic.msgtype) for topic in topics
                      if topic.name in own_topics and not topic.is_tf),
                    *(Endpoint(static, '', unlatched=durability) for topic in latched
-                     for durability in topic.durabilities
+                     for durability in topic.durabilities.elements()
                      if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
-        headers={topic.name: topic.headers for topic in topics
-                 if topic.headers and topic.headers.count},
-        robots=read_robots(bag, partial, on_progress) if has_robots and read_robots else (),
+        headers={topic.name: topic.headers for topic in topics if topic.headers.count},
+        robots=robots,
         tf_topics=tf_topics, not_known=not_known, has_record_times=True,
         left_out=[
             f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'
-            for topic in topics if topic.headers is None],
-        missing_part='' if has_static else missing_part(bag),
+            for topic in topics if topic.has_header is None],
+        missing_part='' if has_static else bag.missing_part,
         other_namespaces='' if not others or not all(track.is_static for track in tracks) else (
             f'there is no dynamic transform on {dynamic}, but there are transforms on '
             f'{comma_list(others, SHOWN)}: use --namespace'))

@@ -1,14 +1,15 @@
 """The report of all checks."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 import os
-from typing import Any, NamedTuple, Optional, Union
+from typing import Any, NamedTuple, Union
 
 from puretf import comma_list, see, shortened, suggest_names, visible
-from puretf.bag import Paths
+from puretf.bag import Bag, Paths
+from puretf.bag import open as open_bag
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
 from puretf_tools.doctor.message_times import Verdict
-from puretf_tools.doctor.observation import name_of, Observation, observe_bag, ReadRobots, SHOWN
+from puretf_tools.doctor.observation import Observation, observe_bag, SHOWN
 from puretf_tools.inspection.terminal import wrapped
 
 
@@ -54,28 +55,26 @@ class Report(NamedTuple):
         return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
 
 
-def examine(observed: Union[Paths, Observation], *, ignore: Collection[str] = (),
-            namespace: str = '', partial: bool = False,
-            on_progress: Optional[Callable[[float], object]] = None,
-            read_robots: Optional[ReadRobots] = None) -> Report:
+def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str] = ()) -> Report:
     """
     Run all checks on the transforms of a bag.
 
-    :param observed: path of the bag, as for `puretf.bag.read`; or an `Observation`, such as
-        one of a live system.
+    :param observed: an open bag, or the path of one, as for `puretf.bag.open`; or an
+        `Observation`, such as one of a live system. The robots whose descriptions a bag has are
+        checked, too; this needs urdf_parser_py.
     :param ignore: the codes of the checks to skip.
-    :param namespace: as for `puretf.bag.read`.
-    :param partial: as for `puretf.bag.read`.
-    :param on_progress: as for `puretf.bag.read`.
-    :param read_robots: `puretf_tools.robot.observed.robots_in_bag`, to check the robots whose
-        descriptions the bag has; this needs urdf_parser_py.
     :raises ValueError: if a code is unknown.
     :raises BagError: if the bag cannot be read, or has no topic with transforms.
     :raises OSError: if the file cannot be read.
     """
     check_codes(ignore)
-    observation = observed if isinstance(observed, Observation) else observe_bag(
-        observed, namespace, partial, on_progress, read_robots)
+    if isinstance(observed, Observation):
+        observation = observed
+    elif isinstance(observed, Bag):
+        observation = observe_bag(observed)
+    else:
+        with open_bag(observed) as bag:
+            observation = observe_bag(bag)
     findings = diagnose(observation, ignore)
     counts = {severity: sum(finding.severity == severity for finding in findings)
               for severity in SEVERITIES}
@@ -89,23 +88,22 @@ def examine(observed: Union[Paths, Observation], *, ignore: Collection[str] = ()
         f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
 
 
-def examine_bag(bag: Paths, *, ignore: Collection[str] = (), namespace: str = '',
-                partial: bool = False, on_progress: Optional[Callable[[float], object]] = None,
-                read_robots: Optional[ReadRobots] = None) -> dict[str, Any]:
+def examine_bag(bag: Paths, *, ignore: Collection[str] = (), **options: Any) -> dict[str, Any]:
     """
     Examine one of many bags as `examine` does; this function and its result can be pickled.
 
     :param bag: the path of the bag, or the paths of its files.
+    :param options: the other arguments of `puretf.bag.open`.
     :returns: plain values: 'bag', the path of its directory or first file, and the items of
         `Report`; or, if the bag cannot be read, 'bag' and 'error', the text that says why.
     :raises ValueError: if a code is unknown.
     """
     check_codes(ignore)
-    bag = bag if isinstance(bag, (str, os.PathLike)) else [*bag]
-    name = name_of(bag)
+    paths = [bag] if isinstance(bag, (str, os.PathLike)) else [*bag]
+    name = str(paths[0]) if paths else ''
     try:
-        report = examine(bag, ignore=ignore, namespace=namespace, partial=partial,
-                         on_progress=on_progress, read_robots=read_robots)
+        with open_bag(paths, **options) as opened:
+            report = examine(opened, ignore=ignore)
     except OSError as error:
         return {'bag': name, 'error': f'cannot read {name}: {error.strerror or error}'}
     except Exception as error:  # whatever is wrong with one bag, the others are examined

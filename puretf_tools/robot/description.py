@@ -14,7 +14,7 @@ from xml.parsers import expat
 
 from puretf import abbreviated, comma_list, quoted, suggest_names, visible
 from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
-from puretf_tools.cli.parser import UsageError
+from puretf_tools.cli.errors import UsageError
 from puretf_tools.inspection.forest import descend
 
 #: x, y, z (m) and the quaternion x, y, z, w.

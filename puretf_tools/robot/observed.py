@@ -1,29 +1,54 @@
 """The descriptions and joint states of robots, as `tf_doctor` examines them."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, Optional
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
 
-from puretf.bag import decoded, Paths
+from puretf.bag import BagMessage
 from puretf_tools.inspection.robots import joint_states_of, Robot
-from puretf_tools.robot.descriptions import DescriptionOrWhy, in_bag
+from puretf_tools.robot.description import MAX_SIZE
+from puretf_tools.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
 from puretf_tools.robot.joint_positions import JointPositions
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-#: The largest number of names of joints that are kept of a topic.
-_MOST_NAMES = 10_000
+#: The largest number of topics with joint states, of names of joints that are kept of a topic,
+#: and of characters of a name.
+_MOST_TOPICS, _MOST_NAMES, _LONGEST_NAME = 100, 10_000, 1000
 
 
-def robots_in_bag(bag: Paths, partial: bool = False,
-                  on_progress: Optional[Callable[[float], object]] = None) -> list[Robot]:
-    """Return the robots of a bag; the arguments and errors are those of `bag.read`."""
-    descriptions = in_bag(bag, partial, on_progress)
-    states: dict[str, dict[str, str]] = {joint_states_of(topic): {} for topic in descriptions}
-    for topic, message in decoded(bag, JOINT_STATE, 'joint_states', partial=partial,
-                                  on_progress=on_progress) if descriptions else ():
-        if topic in states:
-            receive(states[topic], message)
-    return [robot_of(topic, each, states[joint_states_of(topic)])
-            for topic, each in descriptions.items()]
+class RobotsInBag:
+    """The robots of a bag, from the messages that `Bag.messages` yields for `wanted`."""
+
+    wanted = (STRING, TOPIC), (JOINT_STATE, 'joint_states')
+
+    def __init__(self) -> None:
+        self._texts: dict[str, str] = {}
+        self._states: dict[str, dict[str, str]] = {}
+        self._is_full = ''  #: the first topic with a description that is left out
+
+    def add(self, message: BagMessage) -> None:
+        """Note what a message says of a robot; leave out what cannot be decoded."""
+        topic, decoded = message.topic.name, message.decoded()
+        if decoded is None:
+            return
+        if message.topic.msgtype == JOINT_STATE:
+            if topic in self._states or len(self._states) < _MOST_TOPICS:
+                receive(self._states.setdefault(topic, {}), decoded)
+        elif topic in self._texts or len(self._texts) < MOST_TOPICS:
+            self._texts[topic] = decoded.data[:MAX_SIZE + 1]  # which is refused as too long
+        else:
+            self._is_full = self._is_full or topic
+
+    @cached_property
+    def descriptions(self) -> dict[str, DescriptionOrWhy]:
+        """The last description on each topic, or why it is refused; once all are added."""
+        return {**{topic: parsed(text) for topic, text in self._texts.items()}, **(
+            {self._is_full: f'left out, with any further ones: at most {MOST_TOPICS} are read'}
+            if self._is_full else {})}
+
+    def robots(self) -> list[Robot]:
+        return [robot_of(topic, each, self._states.get(joint_states_of(topic), {}))
+                for topic, each in self.descriptions.items()]
 
 
 def receive(states: dict[str, str], message: Any) -> None:
@@ -33,8 +58,12 @@ def receive(states: dict[str, str], message: Any) -> None:
            'do not have a position for each name'
            if len(message.name) != len(message.position) else '')
     if len(states) < _MOST_NAMES:
-        for name in message.name[:_MOST_NAMES]:
+        for name in filter(_is_short, message.name[:_MOST_NAMES]):
             states[name] = why and states.get(name, why)
+
+
+def _is_short(name: str) -> bool:
+    return len(name) <= _LONGEST_NAME
 
 
 def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, str]) -> Robot:

@@ -8,7 +8,7 @@ from shlex import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import comma_list, exact_time, Frame, visible
+from puretf import comma_list, Frame, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.feed import Feed
@@ -77,11 +77,15 @@ def details(placement: Placement, name: str, feed: Feed) -> str:
         translations, rotations, known = feed.buffer.lookup_transforms(
             frame.parent, name, [frame.latest])
         if known[0]:  # the buffer may have dropped the sample since the placement
-            rows += _pose('parent', frame.latest, translations[0], rotations[0])
+            rows += _pose('parent', feed, frame.latest, translations[0], rotations[0])
     if frame is None or frame.parent != target:
         rows += _title('fixed', target, 'pose in the fixed frame' if target == placement.fixed else
                        'pose in the root')
-        rows += _pose('fixed', placement.stamps[i], placement.poses[i, :3], placement.poses[i, 3:])
+        rows += _pose('fixed', feed, placement.stamps[i], placement.poses[i, :3],
+                      placement.poses[i, 3:])
+    if hole := feed.hole(target, name):
+        rows += ('<tr><td colspan="2" style="padding-top: .4em">'
+                 f'<span data-value="hole">{_text(hole)}</span></td></tr>')
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
     if target != placement.fixed and (
@@ -105,13 +109,13 @@ def _published(frame: Frame, silence: float, feed: Feed) -> str:
     return rows + _row('publisher', 'publisher', publication.publisher)
 
 
-def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
+def _pose(prefix: str, feed: Feed, stamp: int, translation: NDArray[np.float64],
           rotation: NDArray[np.float64]) -> str:
     """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
     quaternion = (*rotation.tolist(),)
     angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]
     return ''.join((
-        _row(f'{prefix}-time', 'time', f'{exact_time(stamp)} s' if stamp else 'all times'),
+        _row(f'{prefix}-time', 'time', feed.time_text(stamp) if stamp else 'all times'),
         _row(f'{prefix}-translation', 'position (m)', _numbers(translation.tolist(), 3)),
         _row(f'{prefix}-quaternion', 'orientation', _numbers(quaternion, 4)),
         _row(f'{prefix}-rpy', 'RPY (°)', _numbers(angles, 2))))

@@ -1,10 +1,15 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from time import monotonic
 from typing import NamedTuple, Optional, TYPE_CHECKING, Union
 
-from puretf import Frame, SECOND, TransformBuffer
+import numpy as np
+
+from puretf import exact_time, Frame, SECOND, TransformBuffer, TransformException
+from puretf_tools.inspection.bag_times import both, span_of
+from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.traffic import rate_of, Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
@@ -16,65 +21,46 @@ if TYPE_CHECKING:
     from puretf import Buffer
 
 AnyBuffer = Union[TransformBuffer, 'Buffer']
-#: Stamps that differ this much (ns) from the median are outliers.
-_FAR = 24 * 3600 * SECOND
 #: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
 
 
 class Player:
-    """The playback clock of a bag: it runs in a loop."""
+    """The playback clock of a bag: it runs in a loop. All times are on the clock of the stamps."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
-        dynamic = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
-        self._begin = min(_without_outliers([frame.oldest for frame in dynamic]))
-        self._end = max(self._begin, *_without_outliers([frame.latest for frame in dynamic]))
-        self._position, self._last = 0, monotonic()
+        self.time = 0  #: what is shown (ns)
+        self._last = monotonic()
         self.speed = 1.0  #: how many times as fast as the recording it runs
+        self.is_whole = True  #: False while the bag is read: then the player waits at its end
+        self.fit(frames)
+
+    def fit(self, frames: Iterable[Frame]) -> None:
+        """Begin and end with the dynamic frames of the bag."""
+        self.begin, self.end = span_of(frames)  #: ns
+        self.seek(self.time)
 
     @property
     def length(self) -> float:
         """The length of the bag (s); 0 if it has no dynamic frames."""
-        return (self._end - self._begin) / SECOND
+        return (self.end - self.begin) / SECOND
 
     @property
     def position(self) -> float:
         """Seconds after the start of the bag."""
-        return self._position / SECOND
-
-    @property
-    def time(self) -> int:
-        """The time on the clock of the stamps (ns)."""
-        return self._begin + self._position
-
-    def position_of(self, time: int) -> float:
-        """Return a time on the clock of the stamps (ns) in seconds after the start of the bag."""
-        return (time - self._begin) / SECOND
+        return (self.time - self.begin) / SECOND
 
     def advance(self, plays: bool) -> None:
         """Advance by the time since the last call; from the end of the bag, go to its start."""
         now = monotonic()
         passed, self._last = now - self._last, now
         if plays:
-            self._position = (
-                0 if self.time >= self._end else
-                min(self._end - self._begin, self._position + round(passed * self.speed * SECOND)))
+            is_over = self.is_whole and self.time >= self.end
+            self.seek(self.begin if is_over else self.time + round(passed * self.speed * SECOND))
 
-    def seek(self, position: float) -> None:
-        """Go to a time, in seconds after the start of the bag."""
-        self._position = min(max(0, round(position * SECOND)), self._end - self._begin)
-
-
-def _without_outliers(stamps: list[int]) -> list[int]:
-    """
-    Return the stamps (ns) near the median; [1] if there are none.
-
-    The stamps of a node that publishes before its clock is set can be wrong by years.
-    """
-    if not stamps:
-        return [1]
-    median = sorted(stamps)[len(stamps) // 2]
-    return [stamp for stamp in stamps if abs(stamp - median) < _FAR]
+    def seek(self, time: int) -> None:
+        """Go to a time (ns), or to the nearest one in the bag."""
+        self.time = min(max(self.begin, time), self.end)
 
 
 class Publication(NamedTuple):
@@ -94,7 +80,7 @@ class Feed:
     hand_publisher: Optional[HandPublisher] = None  #: None for a bag: nothing can be published
     joint_controls: Optional[JointControls] = None  #: None for a bag
     #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). It is empty
-    #: until the bag is examined.
+    #: until the bag has been examined.
     findings: Sequence[tuple[str, int]] = ()
 
     def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
@@ -104,6 +90,14 @@ class Feed:
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published."""
         raise NotImplementedError
+
+    def time_text(self, stamp: int) -> str:
+        """Write a stamp (ns) of a transform."""
+        return f'{exact_time(stamp)} s'
+
+    def hole(self, target: str, name: str) -> str:
+        """Say over which hole in the data the shown pose is interpolated; '' if there is none."""
+        return ''
 
     def topics_hint(self) -> str:
         """Return which publishers have a wrong type, and which other topics have transforms."""
@@ -115,14 +109,38 @@ class Feed:
 
 
 class BagFeed(Feed):
-    """A bag that is played; when it is opened, the command checks its topics."""
+    """A bag that is played, perhaps while another thread reads it into the buffer."""
 
     def __init__(self, buffer: TransformBuffer, name: str) -> None:
-        self.buffer, self.name = buffer, name
-        self.player = Player(buffer.frames())
-        self.findings: list[tuple[str, int]] = []
-        #: Empty until the command has read them.
+        self.name = name
+        self.buffer: TransformBuffer = buffer
+        self.player: Player = Player(buffer.frames())
+        #: Empty until the bag has been read.
         self.robots: Mapping[str, DescriptionOrWhy] = {}
+        #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
+        self.done: Optional[float] = None
+        self.error: Optional[BaseException] = None  #: what has ended the reading
+
+    def update(self) -> str:
+        """Let the player follow the reading; return how far it is, or raise its error."""
+        if self.error:
+            raise self.error
+        done = self.done
+        if not self.player.is_whole:
+            self.player.fit(self.buffer.frames())
+            self.player.is_whole = done is None
+        return '' if done is None else f'reading {self.name}: {done * 100:.0f} %'
+
+    def time_text(self, stamp: int) -> str:
+        return both(stamp, self.player.begin)
+
+    def hole(self, target: str, name: str) -> str:
+        with suppress(TransformException):
+            for hole in holes_at(self.buffer, target, name, np.array([self.player.time])):
+                if hole:
+                    return (f'interpolated {hole.between(self.player.begin)}: {hole.edge} has no '
+                            'data there')
+        return ''
 
     def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
         return self.robots

@@ -1,11 +1,10 @@
 """Serve the page until a signal ends the command."""
 
-from collections.abc import Sequence
-from threading import Thread
+from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Optional
 
-from puretf_tools.cli.signals import sleep
+from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.server import serve
 from puretf_tools.view.view import View
@@ -19,15 +18,14 @@ _REST = 2.0
 
 
 def show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str] = (),
-         examination: Optional[Thread] = None) -> None:
-    """Serve the page of a feed; start a thread when the page is there."""
+         on_served: Callable[[], object] = lambda: None) -> None:
+    """Serve the page of a feed; call a function when the page is there."""
     with serve(host, port) as server:
         view = View(feed, server, meshes=meshes)
-        if examination:
-            examination.start()
+        on_served()
         while True:
             start = monotonic()
             view.update()
             spent = monotonic() - start
-            pause = _UPDATE_PERIOD if server.get_clients() else _IDLE_PERIOD
-            sleep(max(pause - spent, _REST * spent))
+            sleep(max(_UPDATE_PERIOD - spent, _REST * spent))
+            wait_until(_IDLE_PERIOD, server.get_clients)

@@ -1,13 +1,13 @@
 """The transform between two frames: in numbers, as texts to copy, and over the last seconds."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import degrees
 from typing import Any, Optional
 
 import numpy as np
 import viser
 
-from puretf import exact_time, SECOND, Transform
+from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import FrameChoice
@@ -25,8 +25,9 @@ _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
 class Pair:
     """The transform between two frames that a viewer chooses: numbers, texts to copy, plots."""
 
-    def __init__(self, gui: viser.GuiApi, buffer: AnyBuffer) -> None:
-        self._buffer = buffer
+    def __init__(self, gui: viser.GuiApi, buffer: AnyBuffer, time_text: Callable[[int], str]
+                 ) -> None:
+        self._buffer, self._time_text = buffer, time_text
         self._a = FrameChoice(gui, 'A', 'the target frame, in which the pose of B is shown')
         self._b = FrameChoice(gui, 'B', 'the source frame, whose pose is shown')
         self._numbers = gui.add_html('')
@@ -95,7 +96,8 @@ class Pair:
 
     def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
         self._shown = transform
-        self._numbers.content = _as_table(transform) if transform else html(why_not, 'pair')
+        self._numbers.content = (
+            _as_table(transform, self._time_text) if transform else html(why_not, 'pair'))
         self._button.visible = transform is not None
 
     def _show_plots(self, end: Optional[int]) -> None:
@@ -130,11 +132,11 @@ def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.Gui
         title=title, scales={'x': {'time': False}}, aspect=1.6, visible=False)
 
 
-def _as_table(transform: Transform) -> str:
+def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
     """Return a transform in HTML, in numbers that are rounded."""
     stamp, *_, translation, rotation = transform
     angles = euler_from_quaternion(rotation)
-    time = f'{exact_time(stamp)} s' if stamp else 'all times'
+    time = time_text(stamp) if stamp else 'all times'
     first, *others = transform.matrix().tolist()
     rows = ''.join((
         _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),

@@ -68,7 +68,7 @@ class Panel:
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, look_from)
         with tabs.add_tab('Pair'):
-            self.pair = Pair(gui, feed.buffer)
+            self.pair = Pair(gui, feed.buffer, feed.time_text)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
 

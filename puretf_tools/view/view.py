@@ -12,7 +12,7 @@ from puretf import SECOND
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
-from puretf_tools.view.feed import AnyBuffer, Feed, LENGTH
+from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.panel import Panel, SETTLING
 from puretf_tools.view.placement import FrameWatcher, Placement, within_reach
@@ -90,7 +90,7 @@ class View:
         self._feed, self._clock, self._server = feed, clock, server
         self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
-        self._playback = Playback(server.gui, feed.player, feed.findings) if feed.player else None
+        self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self._viewers: dict[int, Viewer] = {}
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
         self._hint, self._next_hint = '', 0.0

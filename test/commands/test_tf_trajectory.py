@@ -49,6 +49,24 @@ def test_ctrl_c_ends_the_recording(ros, domain_id, monkeypatch, tmp_path):
         [f'1000.{i:09d}', f'{i}.0'] for i in range(20)]
 
 
+def test_a_gap_in_what_is_received(ros, domain_id, monkeypatch, tmp_path):
+    """A line says when it was, by stamps; the rows are at the stamps of another frame."""
+    monkeypatch.chdir(tmp_path)
+    stamps = [1000 * S + i * S // 20 for i in range(81)]
+    broadcaster = TransformBroadcaster(ros.node)
+    ros.node.create_timer(0.05, lambda: broadcaster.sendTransform([
+        *(stamped('base', 'tool', stamp) for stamp in stamps),
+        *(stamped('map', 'base', stamp) for i, stamp in enumerate(stamps) if not 20 < i < 60)]))
+    with ros.spinning():
+        result = call(main, 'map', 'tool', '--time', '1000', '-o', 'tool.csv', domain=domain_id,
+                      columns=200, until=lambda text: 'listening' in text)
+    assert result.code == 0
+    assert 'wrote tool.csv: 81 rows from ' in result.stdout
+    assert result.stderr.endswith(
+        'tf_trajectory: 39 rows are interpolated over gaps without data: map -> base has none '
+        'between 1001.00 and 1003.00 s\r\n')
+
+
 def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
     """The error names the domain, and what to check."""
     monkeypatch.chdir(tmp_path)

@@ -7,7 +7,7 @@ import socket
 from urllib.request import urlopen
 
 import numpy as np
-from processes import ARM, TIMEOUT, tool, tool_without_ros
+from processes import ARM, TIMEOUT, tool, tool_without, tool_without_ros
 import pytest
 
 from puretf.rotations import euler_from_quaternion
@@ -58,6 +58,116 @@ def test_a_bag_without_ros(start, tmp_path):
     viewer.close()
     process.end_normally()
     assert process.output.count('\n') == 1
+
+
+#: Code before that of `tool`: from 105 s on, a bag is read slowly, until there is a file `go`.
+SLOWLY = """
+from pathlib import Path
+from time import sleep
+from puretf_tools.doctor.observation import BagObserver
+
+def add(self, message, add=BagObserver.add):
+    if message.time >= 105 * 10**9 and not Path("go").exists():
+        sleep(0.15)
+    add(self, message)
+
+BagObserver.add = add
+"""
+
+
+@pytest.fixture
+def slowly(start, tmp_path):
+    """A function that starts the page of a bag of 1000 s, of which little has been read."""
+    bags = pytest.importorskip('bags')
+    from viewer import Viewer
+    bag = bags.make(tmp_path / 'robot', 'mcap', bags.walk(1000, 1))
+    viewers = []
+
+    def start_page():
+        flag, code, *arguments = tool_without_ros('web_view', '--bag', str(bag))
+        process = start(flag, SLOWLY + code, *arguments, cwd=tmp_path)
+        viewers.append(Viewer(int(process.line_with('look at http').rsplit(':', 1)[1])))
+        return process, viewers[-1]
+
+    yield start_page
+    for viewer in viewers:
+        viewer.close()
+
+
+def test_a_bag_is_shown_while_it_is_read(slowly, tmp_path):
+    """Its transforms appear at once; its length, findings and all of its time follow."""
+    _, viewer = slowly()
+    viewer.until(lambda: '3 frames' in viewer.text('overview'))
+    viewer.until(lambda: 'reading robot: ' in viewer.text('reading'))
+    assert viewer.gui[viewer.uuid('Time (s)')]['max'] < 1000.0
+    (tmp_path / 'go').touch()
+    viewer.until(lambda: any('transforms of 3 frames' in props.get('content', '')
+                             for props in viewer.gui.values()))
+    viewer.until(lambda: not viewer.text('reading'))
+    assert viewer.gui[viewer.uuid('Time (s)')]['max'] == 1000.0
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=str)
+def test_a_signal_while_a_bag_is_read(slowly, number):
+    """The command ends, and does not wait for the bag, which would take minutes."""
+    process, viewer = slowly()
+    viewer.until(lambda: 'reading robot: ' in viewer.text('reading'))
+    process.end(number)
+    assert process.exit_code() == 0
+    assert process.output.count('\n') == 1
+
+
+@pytest.mark.parametrize(('kind', 'error'), [
+    ('cut', 'cannot be read: '), ('other', 'has no TF: '),
+    ('rosbags', 'pip install rosbags mcap')])
+def test_a_bag_that_cannot_be_read(start, tmp_path, kind, error):
+    """The command ends with an error in one line, although the page was served already."""
+    bags = pytest.importorskip('bags')
+    path = bags.file_of(bags.make(tmp_path / 'robot', 'mcap', [
+        *(bags.walk() if kind != 'other' else ()),
+        ('/text', 100 * bags.S, bags.string('x'), bags.STRING)]))
+    if kind == 'cut':
+        path.write_bytes(path.read_bytes()[:-1000])
+    process = start(*tool_without(['rosbags'] * (kind == 'rosbags'), 'web_view', '--bag',
+                                  str(path)))
+    assert process.exit_code() == 1
+    served, line = process.output.splitlines()
+    assert served.startswith('look at http')
+    assert line.startswith('web_view: ')
+    assert error in line
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'db3', 'bag'])
+@pytest.mark.parametrize('name', ['web_view', 'tf_doctor'])
+def test_a_bag_is_read_once(start, tmp_path, kind, name):
+    """Each byte of it, whatever the command shows of it."""
+    bags = pytest.importorskip('bags')
+    from viewer import Viewer
+
+    def read(messages, number):
+        path = bags.make(tmp_path / number, kind, messages)
+        flag, code, *rest = tool_without_ros(name, '--bag', str(path))
+        process = start(flag, 'import atexit; from pathlib import Path; atexit.register('
+                        'lambda: print(Path("/proc/self/io").read_text()));' + code, *rest)
+        if name == 'web_view':
+            viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
+            viewer.until(lambda: any('healthy' in props.get('content', '')
+                                     for props in viewer.gui.values()))
+            viewer.close()
+            process.end(signal.SIGINT)
+        size = sum(file.stat().st_size for file in [path, *path.rglob('*')] if file.is_file())
+        return int(process.line_with('rchar').split()[1]), size
+
+    def messages(count):
+        for time in range(100 * bags.S, 100 * bags.S + count * 10**7, 10**7):
+            yield '/tf', time, [bags.row(time, 'map', f'frame_{i}') for i in range(20)]
+            yield '/point', time, point + bytes(2000), 'geometry_msgs/msg/PointStamped'
+
+    point = bags.point('map', 100 * bags.S, 1 if kind == 'bag' else 2)
+    small, _ = read(messages(100), 'small')
+    large, size = read(messages(1500), 'large')
+    assert size > 5e6
+    assert size * 0.8 < large - small < size * 1.2
 
 
 @pytest.fixture

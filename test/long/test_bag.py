@@ -55,9 +55,10 @@ def test_many_topics_with_headers(tmp_path):
     path = bags.make(tmp_path, 'db3', [*bags.walk(), *(
         (f'/point_{i}', 300 * S, bags.point(f'frame_{i}'), 'geometry_msgs/msg/PointStamped')
         for i in range(1500))])
-    topics: list[bag.Topic] = []
-    assert len([*bag.messages(path, on_topics=topics.extend)]) == 102
-    assert {frame for topic in topics if topic.headers for frame in topic.headers.frames} == {
+    with bag.open(path) as opened:
+        assert len([*opened.messages(headers=True)]) == 102
+        topics = opened.topics
+    assert {frame for topic in topics for frame in topic.headers.frames} == {
         f'frame_{i}' for i in range(1500)}
 
 

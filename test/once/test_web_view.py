@@ -68,3 +68,21 @@ def test_a_file_that_plays_without_a_server(start, tmp_path):
         page.until(lambda: len(page.scene().bodies) == 5)
         page.page.screenshot(path=tmp_path / 'web_view_export.png')
         assert page.hosts <= {None, ''}
+
+
+def test_a_time_of_a_bag_in_a_browser(start, tmp_path):
+    """It is typed, the frames are those of this time, and the page says what is wrong with it."""
+    bags = pytest.importorskip('bags')
+    bag = bags.make(tmp_path / 'walk', 'mcap', bags.walk())
+    view = start(*tool('web_view', '--bag', str(bag)))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1])
+        page.until(lambda: page.value('fixed') == 'map')
+        page.fill('Go to', '+3.5')
+        page.until(lambda: page.value('fixed-time') == '+3.5 s, 103.500000000')
+        assert page.page.inner_text('[data-text="time"]') == '+3.5 s, 103.500000000'
+        assert page.numbers('fixed-translation') == [4.5, 2.0, 3.0]
+        page.fill('Go to', '3.5')
+        page.until(lambda: page.page.inner_text('[data-text="problem"]').endswith(
+            'outside of the bag, which is from 100.000000000 to +10 s, 110.000000000'))
+        page.page.screenshot(path=tmp_path / 'web_view_bag.png')

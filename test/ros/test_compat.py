@@ -114,7 +114,8 @@ def test_a_buffer_shows_what_tf2_and_the_reference_have():
             *API['tf2_py']['BufferCore']}
     assert names - real == {
         'chain', 'clock', 'dump', 'frame_names', 'frames', 'insert', 'jump_handle', 'lookup_all',
-        'lookup_transforms', 'lookup_twist', 'path_stamps', 'registration', 'updated', 'why_not'}
+        'lookup_transforms', 'lookup_twist', 'path_edges', 'path_stamps', 'registration',
+        'updated', 'why_not'}
 
 
 def test_they_are_re_exports():

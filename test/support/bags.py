@@ -21,6 +21,7 @@ else:
     from backports import zstd
 
 from puretf._core.pose import Row
+import puretf.bag
 from puretf_tools.doctor import examine_bag
 
 S = 10**9
@@ -70,6 +71,12 @@ def make(path, kind, messages, qos=()):
     else:
         _write_ros2(path, storage, compression, messages, qos)
     return path
+
+
+def messages(path, *, tf=True, headers=False, others=(), **kwargs):
+    """Open a bag and yield its messages."""
+    with puretf.bag.open(path, **kwargs) as bag:
+        yield from bag.messages(tf=tf, headers=headers, others=others)
 
 
 def file_of(path):

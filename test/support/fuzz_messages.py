@@ -6,7 +6,7 @@ calls the targets with bytes that libFuzzer makes up; `test_fuzz.py`, with the s
 bytes that found a fault before. No target imports ROS before it is called.
 """
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, ExitStack, suppress
 from functools import cache
 import json
@@ -21,7 +21,7 @@ import struct
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
-from typing import Any, cast, NamedTuple, Optional, Union
+from typing import Any, NamedTuple, Optional, Union
 from xml.parsers import expat
 
 import bags
@@ -40,7 +40,8 @@ from puretf._wire import cdr, ros1
 from puretf._wire.cdr import MalformedMessage
 from puretf._wire.definitions import checked_yaml
 from puretf._wire.message_reader import Encoding, MessageReader
-from puretf.bag import BagError, BagMessage, messages, read
+from puretf.bag import BagError, read
+from puretf.bag import open as open_bag
 from puretf_tools.robot.descriptions import parsed
 
 S = 10**9
@@ -766,10 +767,8 @@ def check_bags(data: bytes) -> None:
 def _read_bag(path: Path, partial: bool) -> Union[dict[str, str], str]:
     """Read a bag; return the data of the buffer, or why the bag is refused."""
     if not partial:
-        topics: list[Any] = []
-        with suppress(BagError), closing(cast(Generator[BagMessage, None, None], messages(
-                path, partial=True, max_bytes=_MAX_BYTES, on_topics=topics.append))) as found:
-            for message in found:
+        with suppress(BagError), open_bag(path, partial=True, max_bytes=_MAX_BYTES) as bag:
+            for message in bag.messages(headers=True):
                 with suppress(MalformedMessage):
                     message.rows()
     try:

@@ -8,12 +8,12 @@ from typing import Any, NoReturn, Optional
 from environment import DATA
 import pytest
 
-from puretf._bag.context import Stream
+from puretf import TF_MESSAGE
 from puretf._core.pose import BatchOrRows, Row
 from puretf._wire import cdr, ros1
 from puretf._wire.cdr import Fields
 from puretf._wire.message_reader import MessageReader
-from puretf.bag import BagMessage
+from puretf.bag import BagMessage, Headers, Topic
 
 
 @cache
@@ -53,8 +53,9 @@ class ArrivedMessages:
 
 def recorded(time: int, data: bytes, is_static: bool = False, publisher: str = '',
              encoding: Any = cdr) -> BagMessage:
-    """Return a message as `bag.messages` returns it; the time in ns."""
-    return BagMessage(Stream(is_static, publisher, encoding), time, data)
+    """Return a message as `Bag.messages` returns it; the time in ns."""
+    topic = Topic('/tf', TF_MESSAGE, encoding, publisher, is_static, False, Headers(), True)
+    return BagMessage(topic, time, data)
 
 
 def golden_fields(case: dict[str, Any]) -> list[Fields]:

@@ -18,9 +18,9 @@ import dummy_arm.entry_points
 from puretf.bag import BagError
 from puretf_tools import entry_points
 from puretf_tools.cli import files, progress, signals
-from puretf_tools.cli.bag_options import add_bag_options, bag_progress, read_bag
+from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.signals import (
     begin_cleanup,
     check_signals,
@@ -68,22 +68,6 @@ def test_other_text_is_no_number(text):
     """This includes text that float() accepts."""
     with pytest.raises(argparse.ArgumentTypeError, match=r'is not a number|is not finite'):
         number(text)
-
-
-@pytest.mark.parametrize(('text', 'time'), [
-    ('0', 0), ('1e-9', 1), ('2.50', 2_500_000_000), ('9223372036.854775807', 2**63 - 1),
-    ('1700000000.000000001', 1_700_000_000_000_000_001)])
-def test_times_are_exact(text, time):
-    """A float would round them."""
-    assert seconds(text) == time
-
-
-@pytest.mark.parametrize('text', [
-    '-1', '1e-10', '9223372036.854775808', '1e99', '1' * 99, '1_0', 'x', '', 'nan', 'inf'])
-def test_other_text_is_no_time(text):
-    """The error says what is."""
-    with pytest.raises(argparse.ArgumentTypeError, match='must be a time in s, from 0 to 92'):
-        seconds(text)
 
 
 @pytest.mark.parametrize(('given', 'time'), [(None, 5.0), (0.001, 0.001), (1e9, 1e9)])
@@ -672,16 +656,22 @@ def cut_off(walk):
     return walk
 
 
-def test_bag_options(cut_off):
-    """They are the arguments of read_bag."""
+def bag_option(*arguments):
+    """Return the argument `bag` of a command."""
     parser = Parser('tool', '')
     add_bag_options(parser)
-    assert read_bag(**vars(parser.parse_args([]))) is None
-    buffer = read_bag(**vars(parser.parse_args(['--partial', '--bag', cut_off])))
-    assert buffer
-    assert buffer.can_transform('map', 'base_link', 0)
+    options = vars(parser.parse_args(arguments))
+    parser.finish(options)
+    assert options.keys() == {'bag', 'namespace'}
+    return options['bag']
+
+
+def test_bag_options(cut_off):
+    """They are one argument of the command."""
+    assert bag_option() is None
+    assert bag_option('--partial', '--bag', cut_off).read().can_transform('map', 'base_link', 0)
     with pytest.raises(CommandError, match=r'^[^\n]*--partial[^\n]*$'):
-        read_bag(**vars(parser.parse_args(['--bag', cut_off])))
+        bag_option('--bag', cut_off).read()
 
 
 @pytest.mark.parametrize(('arguments', 'bag', 'frames'), [
@@ -708,17 +698,17 @@ def test_several_bags_and_frames(tmp_path, arguments, bag, frames):
 def test_the_topics_of_a_bag(walk):
     """The namespace of the option is used."""
     with pytest.raises(CommandError, match='/robot/tf'):
-        read_bag([walk], 'robot', False)
+        BagOption([walk], 'robot').read()
 
 
-@pytest.mark.parametrize(('bag', 'partial', 'error', 'text'), [
-    ([''], False, UsageError, '^--bag needs the path of a bag, got an empty one$'),
-    (None, True, UsageError, '^--partial needs --bag$'),
-    (['nowhere.mcap'], False, CommandError, r'^.*nowhere\.mcap[^\n]*$')])
-def test_bags_that_are_not_read(bag, partial, error, text):
+@pytest.mark.parametrize(('arguments', 'error', 'text'), [
+    (['--bag='], UsageError, '^--bag needs the path of a bag, got an empty one$'),
+    (['--partial'], UsageError, '^--partial needs --bag$'),
+    (['--bag', 'nowhere.mcap'], CommandError, r'^.*nowhere\.mcap[^\n]*$')])
+def test_bags_that_are_not_read(arguments, error, text):
     """The error is of one line."""
     with pytest.raises(error, match=text):
-        read_bag(bag, '', partial)
+        bag_option(*arguments).read()
 
 
 def fail(error):
@@ -740,4 +730,4 @@ def test_a_signal_ends_the_reading(walk):
     record_signals()
     signal.raise_signal(signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt):
-        read_bag([walk], '', False)
+        BagOption([walk]).read()

@@ -18,12 +18,12 @@ import warnings
 from processes import tool_without_ros
 import pytest
 
-from puretf import TransformBuffer
+from puretf import bag, TransformBuffer
 from puretf_tools.commands.tf_doctor import main
 from puretf_tools.doctor import ERROR, examine, examine_bag
 from puretf_tools.doctor.checks import CHECKS
-from puretf_tools.robot import descriptions
-from puretf_tools.robot.observed import robots_in_bag
+from puretf_tools.robot import observed
+from puretf_tools.robot.observed import RobotsInBag
 
 bags = pytest.importorskip('bags')
 Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime = (
@@ -525,6 +525,14 @@ def test_a_description_that_is_refused(capsys, tmp_path):
                and 'not valid XML' in text for text in found['not_checked'])
 
 
+def robots_in_bag(path):
+    """Return the robots of a bag."""
+    found = RobotsInBag()
+    for message in bags.messages(path, tf=False, others=found.wanted):
+        found.add(message)
+    return found.robots()
+
+
 def test_many_descriptions(capsys, tmp_path):
     """Twenty are read, also if they are sent again; one line says that others are left out."""
     pytest.importorskip('urdf_parser_py')
@@ -541,7 +549,7 @@ def test_many_descriptions(capsys, tmp_path):
 def test_descriptions_and_joint_states_that_are_not_kept(tmp_path, monkeypatch):
     """Memory is for one message at a time, if others are too many or too long."""
     pytest.importorskip('urdf_parser_py')
-    monkeypatch.setattr(descriptions, 'MAX_SIZE', 1000)
+    monkeypatch.setattr(observed, 'MAX_SIZE', 1000)
     path = bags.make(tmp_path, 'mcap storage', [*robot(), *(
         message for i in range(40) for message in (
             (f'/r{i}/robot_description', T + i, bags.string(f'{i}' * 1_000_000), bags.STRING),
@@ -643,7 +651,9 @@ def test_examine(tmp_path):
     """A program gets the findings as objects, and the text of the command."""
     path = bags.make(tmp_path, 'mcap', in_order(FAULTS['static_and_dynamic'][0]))
     done: list[float] = []
-    report = examine(path, on_progress=done.append)
+    with bag.open(path, on_progress=done.append) as opened:
+        report = examine(opened)
+    assert str(report) == str(examine(path))
     (finding,) = report.findings
     assert report.has_errors
     assert (finding.code, finding.severity, finding.frames) == (
@@ -774,7 +784,17 @@ def test_a_path_that_exists(capsys, tmp_path):
         'odom -> base_link  50.0 Hz  1700000000.000000000 to 1700000001.980000000  /robot',
         'base_link -> arm   50.0 Hz  1700000000.000000000 to 1700000001.980000000  /robot',
         '',
-        'The transform from arm to map exists at 1700000001.980000000.']
+        'The transform from arm to map exists at +1.98 s, 1700000001.980000000.']
+
+
+def test_a_path_at_a_time_in_a_hole(capsys, tmp_path):
+    """The explanation says that the transform is interpolated, in both forms of time."""
+    path = bags.make(tmp_path, 'mcap', in_order([
+        each for each in robot() if not T + S // 2 < each[1] < T + 3 * S // 2]))
+    assert main(['--bag', str(path), 'map', 'arm', '-t', '+1']) == 0
+    text = capsys.readouterr().out
+    assert 'exists at +1 s, 1700000001.000000000. It is interpolated between +0.' in text
+    assert re.search(r'and \+1\.\d\d s: \w+ -> \w+ has no data there\.', text)
 
 
 def test_the_ends_of_the_data_can_be_typed(capsys, tmp_path):

@@ -14,6 +14,7 @@ pytest.importorskip('viser', reason='viser, which makes the page, is not install
 
 from viewer import Viewer
 
+from puretf_tools.view.feed import Feed
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.server import serve
 
@@ -28,7 +29,7 @@ class Shown:
     def __init__(self, server, buffer):
         """Connect a viewer."""
         self.now = 1000.0
-        self.pair = Pair(server.gui, buffer)
+        self.pair = Pair(server.gui, buffer, Feed().time_text)
         self.viewer = Viewer(server.get_port())
         self.viewer.until(lambda: len(self.plots()) == 2)
 

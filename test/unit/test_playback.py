@@ -6,17 +6,19 @@ import signal
 
 import pytest
 
-from puretf import TransformBuffer
+from puretf import bag, TransformBuffer
 from puretf_tools.cli.signals import check_signals, record_signals, signal_received
 from puretf_tools.commands import web_view
-from puretf_tools.commands.web_view import main
+from puretf_tools.commands.web_view import main, read_into
 from puretf_tools.view import feed as feed_module
-from puretf_tools.view.feed import BagFeed, Player
+from puretf_tools.view.feed import BagFeed
 
 pytest.importorskip('viser')
 from viewer import recorded, update, Viewer
 
+from puretf_tools.view.details import details
 from puretf_tools.view.export import Recording
+from puretf_tools.view.placement import FrameWatcher
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.server import serve
 
@@ -44,9 +46,10 @@ def buffer():
 class Controls:
     """The controls of a bag, a viewer of them, and the clock of the bag."""
 
-    def __init__(self, playback, player, viewer, clock):
+    def __init__(self, playback, feed, viewer, clock):
         """Take those of a page that is served."""
-        self.playback, self.player, self.viewer, self.clock = playback, player, viewer, clock
+        self.playback, self.feed, self.viewer, self.clock = playback, feed, viewer, clock
+        self.player = feed.player
 
     def set(self, label, value):
         """Change a control, and wait until the server has handled this."""
@@ -67,17 +70,17 @@ class Controls:
 
 @pytest.fixture
 def controls(clock, buffer):
-    """A function that creates the controls of the bag with some findings."""
+    """A function that creates the controls of the bag."""
     with ExitStack() as stack:
-        def create(findings=()):
+        def create():
             server = stack.enter_context(serve('127.0.0.1'))
-            player = Player(buffer.frames())
-            playback = Playback(server.gui, player, findings)
+            feed = BagFeed(buffer, 'robot.mcap')
+            playback = Playback(server.gui, feed)
             viewer = Viewer(server.get_port())
             stack.callback(viewer.close)
             viewer.until(lambda: any(
                 props.get('label') == 'Step (s)' for props in viewer.gui.values()))
-            return Controls(playback, player, viewer, clock)
+            return Controls(playback, feed, viewer, clock)
 
         yield create
 
@@ -107,62 +110,141 @@ def test_speed_pause_time_and_steps(controls):
 
 def test_each_finding_jumps_to_its_time(controls):
     """They appear when the bag is examined; those without a time in the bag are texts."""
-    findings: list[tuple[str, int]] = []
-    shown = controls(findings)
+    shown = controls()
     shown.after(0.0)
-    findings += [('2 <errors>', 0), ('error a', T + 3 * S), ('error far', T + 99 * S),
-                 *((f'warning {i}', T + 7 * S) for i in range(20))]
+    shown.feed.findings = [('2 <errors>', 0), ('error a', T + 3 * S), ('error far', T + 99 * S),
+                           *((f'warning {i}', T + 7 * S) for i in range(20))]
     shown.after(0.0)
     viewer = shown.viewer
     viewer.until(lambda: any('and 3 more' in props.get('content', '')
                              for props in viewer.gui.values()))
     labels = [props.get('label', '') for props in viewer.gui.values()]
-    assert '3.00 s: error a' in labels
+    assert '+3.00 s: error a' in labels
     assert sum(': warning' in label for label in labels) == 17
     texts = ''.join(props.get('content', '') for props in viewer.gui.values())
     assert '2 &lt;errors&gt;' in texts
     assert 'error far' in texts
     for _ in range(2):
-        shown.set('7.00 s: warning 3', True)
+        shown.set('+7.00 s: warning 3', True)
         assert [shown.after(1.0), shown.after(1.0)] == [7.0, 7.0]
-        shown.set('3.00 s: error a', True)
+        shown.set('+3.00 s: error a', True)
         assert [shown.after(1.0), shown.after(1.0)] == [3.0, 3.0]
     viewer.until(lambda: viewer.value('Pause'))
 
 
+def test_a_bag_that_is_still_read(controls, buffer):
+    """The player waits at the end of what has been read, and the panel says how far that is."""
+    shown = controls()
+    shown.feed.done, shown.player.is_whole = 0.4, False
+    assert shown.after(12.0) == 10.0
+    assert shown.after(1.0) == 10.0
+    viewer = shown.viewer
+    viewer.until(lambda: 'reading robot.mcap: 40 %' in viewer.text('reading'))
+    buffer.insert(T + 12 * S, 'map', 'base', (12.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    assert shown.after(1.0) == 11.0
+    shown.feed.done = None
+    assert shown.after(2.0) == 12.0
+    assert shown.after(1.0) == 0.0
+    viewer.until(lambda: not viewer.text('reading'))
+    assert viewer.gui[viewer.uuid('Time (s)')]['max'] == 12.0
+
+
+def test_a_bag_of_which_nothing_has_been_read(clock):
+    """The player begins where the bag does, and goes on there if earlier stamps follow."""
+    buffer = TransformBuffer(10**18)
+    feed = BagFeed(buffer, 'bag')
+    feed.done, feed.player.is_whole = 0.0, False
+    clock[0] += 1.0
+    feed.player.advance(True)
+    pose = (0.0,) * 6 + (1.0,)
+    for stamp, position in (T + S, 0.0), (T, 1.0):
+        buffer.insert(stamp, 'map', 'base', pose)
+        feed.update()
+        assert (feed.player.time, feed.player.position) == (T + S, position)
+
+
+def test_a_hole(buffer):
+    """The details of a frame name the edge above it that has no data at the time shown."""
+    buffer.insert(T + 14 * S, 'map', 'base', (14.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    buffer.insert(T, 'base', 'tool', (0.0,) * 6 + (1.0,), is_static=True)
+    feed = BagFeed(buffer, 'bag')
+
+    def text(seconds):
+        feed.player.seek(T + seconds * S)
+        placement = FrameWatcher(buffer).placement('map', feed.player.time)
+        return details(placement, 'tool', feed)
+
+    assert 'interpolated' not in text(10)
+    assert '>interpolated between +10.00 and +14.00 s: map -&gt; base has no data there<' in (
+        text(12))
+    assert 'interpolated' not in text(14)
+
+
+@pytest.mark.parametrize(('text', 'position'), [
+    (f'{T // S + 3}.25', 3.25), ('+4.5', 4.5), ('-1.5', 8.5), ('2023-11-14T22:13:26Z', 6.0),
+    ('0', 10.0)])
+def test_a_time_that_is_typed(controls, text, position):
+    """It pauses, goes there, and the page shows the time in both forms."""
+    shown = controls()
+    shown.set('Go to', text)
+    assert [shown.after(1.0), shown.after(1.0)] == [position, position]
+    viewer = shown.viewer
+    stamp = f'{T // S + int(position)}.{position % 1:.9f}'.replace('.0.', '.')
+    viewer.until(lambda: f'>+{position:g} s, {stamp}<' in viewer.text('time'))
+    viewer.until(lambda: viewer.value('Pause'))
+
+
+@pytest.mark.parametrize(('text', 'problem'), [
+    ('+10.5', '+10.5 s, 1700000010.500000000 is outside of the bag, which is from '),
+    ('soon', 'must be a time, such as '), ('<b>' * 999, '&lt;b&gt;')])
+def test_a_time_that_is_not_in_the_bag(controls, text, problem):
+    """The page says why, until there is another text, and the bag is played on."""
+    shown = controls()
+    shown.set('Go to', text)
+    assert shown.after(1.0) == 1.0
+    viewer = shown.viewer
+    viewer.until(lambda: problem in viewer.text('problem'))
+    assert len(viewer.text('problem')) < 2000
+    shown.set('Go to', '')
+    assert shown.after(1.0) == 2.0
+    viewer.until(lambda: not viewer.text('problem'))
+
+
 @pytest.fixture
 def lonely(tmp_path):
-    """A bag with descriptions of a robot in two namespaces."""
+    """A function that reads a bag with descriptions of a robot in two namespaces."""
     bags = pytest.importorskip('bags')
     pytest.importorskip('urdf_parser_py')
     text = bags.string('<robot name="r"><link name="lonely"/></robot>')
-    return [str(bags.make(tmp_path, 'mcap', [*bags.walk(), *(
-        (f'{each}/robot_description', 100 * S, text, bags.STRING) for each in ('', '/left'))]))]
+    path = bags.make(tmp_path, 'mcap', [
+        *bags.walk(), ('/left/tf', 100 * S, [bags.row(100 * S, 'map', 'base')]),
+        *((f'{each}/robot_description', 100 * S, text, bags.STRING) for each in ('', '/left'))])
+
+    def read(namespace=''):
+        feed = BagFeed(TransformBuffer(10**18), 'bag')
+        with bag.open(path, namespace=namespace) as opened:
+            read_into(feed, opened)
+        return feed
+
+    return read
 
 
 def test_findings_about_a_robot(lonely):
     """Those of `tf_doctor`, from the descriptions in the bag."""
-    findings: list[tuple[str, int]] = []
-    web_view.find_faults(findings, lonely, '', False)
-    assert any('link_without_transform: lonely' in line for line, _ in findings)
+    assert any('link_without_transform: lonely' in line for line, _ in lonely().findings)
 
 
 @pytest.mark.parametrize(('namespace', 'expected'), [('left', {'/left'}), ('', {'', '/left'})])
 def test_robots_of_a_namespace(lonely, namespace, expected):
     """The page of a bag, like the live one, has the bodies of its namespace only."""
-    feed = BagFeed(TransformBuffer(), 'bag')
-    web_view.read_descriptions(feed, lonely, namespace, False)
-    assert {topic.removesuffix('/robot_description') for topic in feed.robots} == expected
+    robots = lonely(namespace).robots
+    assert {topic.removesuffix('/robot_description') for topic in robots} == expected
 
 
-def test_a_bag_that_cannot_be_examined(tmp_path):
+def test_a_bag_that_cannot_be_examined(lonely, monkeypatch):
     """The reason is a line of the findings."""
-    findings: list[tuple[str, int]] = []
-    web_view.find_faults(findings, [str(tmp_path / 'no.mcap')], '', False)
-    ((text, time),) = findings
-    assert text.startswith('tf_doctor cannot examine the bag: ')
-    assert 'no.mcap' in text
-    assert time == 0
+    monkeypatch.setattr(web_view, 'examine', lambda _: 1 / 0)
+    assert lonely().findings == [('tf_doctor cannot examine the bag: division by zero', 0)]
 
 
 def test_nonsense_from_a_viewer(controls):

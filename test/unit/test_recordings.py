@@ -1,5 +1,7 @@
 """Several paths: split recordings, directories, patterns, and recordings without metadata."""
 
+from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 import shutil
 from tempfile import TemporaryDirectory
@@ -10,6 +12,8 @@ from puretf import bag, LookupException
 from puretf.bag import BagError, read, recordings
 
 bags = pytest.importorskip('bags')
+from ruamel.yaml import YAML  # noqa: E402
+
 S = bags.S
 #: `rosbag record --split --duration=2s` of ROS 1.15 wrote these: the static transform from
 #: base_link to laser was sent once, before the recording began.
@@ -54,9 +58,15 @@ WHOLE = {'odom': 1, 'base_link': 93}
 def test_a_recording_that_rosbag_has_split(given):
     """Whatever names its files, they are one bag; only the first part has static transforms."""
     assert counts(given()) == {'base_link': 57, 'laser': 1}
-    times = [message.time for message in bag.messages(given())]
+    times = [message.time for message in bags.messages(given())]
     assert times == sorted(times)
     assert len(times) == 58
+
+
+def missing_part(path, **kwargs):
+    """Return which part of a recording is missing."""
+    with bag.open(path, **kwargs) as opened:
+        return opened.missing_part
 
 
 def test_a_later_part_that_rosbag_has_split():
@@ -98,8 +108,8 @@ def test_parts_by_metadata(tmp_path):
     unlisted.write_bytes(files[0].read_bytes())
     assert recordings([*files, unlisted]) == [files, [unlisted]]
     assert recordings(whole) == [[whole]]
-    assert bag.missing_part(whole) == ''
-    assert bag.missing_part(files[1:]).endswith(f'read {files[0]}, too.')
+    assert missing_part(whole) == ''
+    assert missing_part(files[1:]).endswith(f'read {files[0]}, too.')
 
 
 def test_a_part_that_is_missing(tmp_path):
@@ -108,7 +118,7 @@ def test_a_part_that_is_missing(tmp_path):
     second.unlink()
     with pytest.raises(BagError, match=(
             r'whole cannot be read: files that its metadata\.yaml lists are missing: '
-            r'robot_1\.mcap; partial=True \(--partial\) reads the others')):
+            r'robot_1\.mcap; partial=True reads the others')):
         read(whole)
     assert counts(whole, partial=True) == {'odom': 1, 'base_link': 62}
 
@@ -118,7 +128,7 @@ def test_a_recording_that_was_killed(tmp_path):
     *_, last = parts(tmp_path / 'killed')
     last.write_bytes(last.read_bytes()[:-3000])
     (tmp_path / 'killed' / 'notes.txt').write_text('Dear diary')
-    with pytest.raises(BagError, match=r'robot_2.mcap: it ends too early\. .*--partial'):
+    with pytest.raises(BagError, match=r'robot_2.mcap: it ends too early\. .*partial=True'):
         read(tmp_path / 'killed')
     assert 62 <= counts(tmp_path / 'killed', partial=True)['base_link'] < 93
 
@@ -153,7 +163,7 @@ def test_the_last_part_is_not_compressed_yet(tmp_path):
     for file in packed:
         file.rename(tmp_path / 'robot' / file.name)
     assert counts(tmp_path / 'robot') == WHOLE
-    assert bag.missing_part(last).endswith(f'read {tmp_path}/robot/robot_0.mcap.zstd, too.')
+    assert missing_part(last).endswith(f'read {tmp_path}/robot/robot_0.mcap.zstd, too.')
 
 
 def test_relative_and_absolute_paths(tmp_path, monkeypatch):
@@ -167,9 +177,10 @@ def test_a_first_part_that_is_missing(tmp_path, logs):
     """Of a directory read with partial=True, it is named, too; the log warns once."""
     whole, (first, *_) = with_metadata(tmp_path / 'whole', parts(tmp_path))
     first.unlink()
-    with pytest.raises(LookupException, match=f'whole is without the first part .*{first}, too'):
-        read(whole, partial=True).lookup_transform('base_link', 'laser')
-    assert str(first) in bag.missing_part(whole)
+    with bag.open(whole, partial=True) as opened, pytest.raises(
+            LookupException, match=f'whole is without the first part .*{first}, too'):
+        opened.read().lookup_transform('base_link', 'laser')
+    assert str(first) in opened.missing_part
     assert [record.getMessage() for record in logs] == [
         f'{whole}: files that its metadata.yaml lists are missing: robot_0.mcap']
 
@@ -187,7 +198,7 @@ def test_names_that_rosbag_chooses(tmp_path):
     for number, name in enumerate(('x_2026-01-01-00-00-00_0', 'x_2026-01-01-00-01-00_1')):
         shutil.copy(SPLIT / f'robot_{number}.bag', tmp_path / f'{name}.bag')
     assert len(recordings(tmp_path)) == 2
-    assert bag.missing_part(tmp_path / f'{name}.bag') == ''
+    assert missing_part(tmp_path / f'{name}.bag') == ''
 
 
 @pytest.mark.parametrize('names', [
@@ -212,3 +223,79 @@ def test_a_later_part_without_transforms(tmp_path):
     path = bags.file_of(bags.make(tmp_path / 'x', 'mcap', [])).rename(tmp_path / 'robot_1.mcap')
     with pytest.raises(BagError, match=r'robot_1\.mcap has no TF: .* first part .*robot_0\.mcap'):
         read(path)
+
+
+# Recordings of the real rosbag2 0.26, with the arm and robot_state_publisher
+
+RECORDINGS = Path(__file__).parents[1] / 'data' / 'recordings'
+
+
+def metadata_of(name):
+    """Return the begin and the end (ns) of a recording, and the counts of its topics."""
+    text = YAML(typ='safe').load((RECORDINGS / name / 'metadata.yaml').read_text())
+    about = text['rosbag2_bagfile_information']
+    begin = about['starting_time']['nanoseconds_since_epoch']
+    return begin, begin + about['duration']['nanoseconds'], {
+        each['topic_metadata']['name']: (each['topic_metadata']['type'], each['message_count'])
+        for each in about['topics_with_message_count']}
+
+
+@pytest.mark.parametrize('name', [
+    'db3_plain', 'db3_message_zstd', 'mcap_chunk_zstd', 'mcap_file_zstd', 'mcap_split'])
+def test_a_recording_of_rosbag2(name, logs):
+    """Topics, counts, begin and end are those of its metadata; all is read in one pass."""
+    begin, end, topics = metadata_of(name)
+    others = [('std_msgs/msg/String', 'robot_description')]
+    with bag.open(RECORDINGS / name) as opened:
+        assert {topic.name: (topic.msgtype, topic.count) for topic in opened.topics} == topics
+        assert (opened.begin, opened.end) == (begin, end)
+        found: list[bag.BagMessage] = []
+        buffer = opened.read(headers=True, others=others, on_message=found.append)
+        headers = {topic.name: topic.headers.count for topic in opened.topics
+                   if topic.headers.count}
+    counted = Counter(message.topic.name for message in found)
+    assert counted | headers == {name: count for name, (_, count) in topics.items()}
+    assert [*headers] == ['/joint_states']
+    assert all(begin <= message.time <= end for message in found)
+    (text,) = (message.decoded() for message in found if not message.topic.is_tf)
+    assert text.data.startswith('<')
+    assert {frame.name for frame in buffer.frames() if frame.is_static} == {'base_link'}
+    assert {topic.name: [*topic.durabilities] for topic in opened.topics if topic.is_tf} == {
+        '/tf': ['VOLATILE'], '/tf_static': ['TRANSIENT_LOCAL']}
+    assert not logs
+
+
+def test_parts_of_a_recording_of_rosbag2(logs):
+    """In any order; if only some are given, it is said which are missing."""
+    files = [RECORDINGS / 'mcap_split' / f'mcap_split_{i}.mcap' for i in range(4)]
+    _, _, topics = metadata_of('mcap_split')
+    for order in files, files[::-1], [files[i] for i in (2, 0, 3, 1)]:
+        with bag.open(order) as opened:
+            assert opened.files == files
+            assert opened.read().frames() == read(files[0].parent).frames()
+            assert {topic.name: topic.count for topic in opened.topics} == {
+                name: count for name, (_, count) in topics.items()}
+    with bag.open(files[1:]) as opened:
+        assert opened.missing_part.endswith(f'read {files[0]}, too.')
+        assert not any(frame.is_static for frame in opened.read().frames())
+    with bag.open([files[3], files[0], files[2]]) as opened:
+        assert opened.files == [files[0], files[2], files[3]]
+        assert opened.missing_part == ''
+        times = [message.time for message in opened.messages()]
+    assert times == sorted(times)
+    assert max(later - time for time, later in pairwise(times)) > 3.9 * S
+    assert [record.getMessage() for record in logs] == [
+        f'{files[0]}: parts of its recording are not given: mcap_split_1.mcap']
+
+
+def test_a_window_of_a_recording():
+    """Messages outside of it are left out, except static transforms."""
+    begin = metadata_of('mcap_chunk_zstd')[0]
+    window = begin + 2 * S, begin + 3 * S
+    with bag.open(RECORDINGS / 'mcap_chunk_zstd') as opened:
+        whole = [*opened.messages()]
+        found = [*opened.messages(start=window[0], stop=window[1])]
+    assert [message.data for message in found] == [
+        message.data for message in whole
+        if message.is_static or window[0] <= message.time < window[1]]
+    assert 15 < len(found) < 25 < len(whole)

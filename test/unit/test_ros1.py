@@ -21,7 +21,7 @@ def some_rows(random, count):
 def rows_in(path, *contents):
     """Write messages, which are rows or bytes, to a bag; yield what is read of each."""
     path = bags.make(path, 'bag', [('/tf', S, content) for content in contents])
-    for message in bag.messages(path):
+    for message in bags.messages(path):
         yield message.rows
 
 

@@ -97,11 +97,24 @@ def test_out_of_a_bag(bag, capsys, time, stamp, x):
 
 @pytest.mark.parametrize(('arguments', 'why'), [
     (('map', 'base_lnik'), "does not exist. Nearest known: 'base_link'. More: tf_doctor"),
-    (('map', 'base_link', '-t', '99'), 'Lookup would require extrapolation into the past'),
-    (('map', 'base_link', '-t', '111'), '110.000000000 and end 1.000000000 s before that')])
+    (('map', 'base_link', '-t', '99'), 'tf2_echo: 99.000000000 is outside of the bag'),
+    (('map', 'base_link', '-t', '+11'), '100.000000000 to +10 s, 110.000000000')])
 def test_what_a_bag_does_not_have(failed, bag, arguments, why):
     """The exit code is 1; the error says what the bag contains instead."""
     code, error = failed(main, '--bag', bag, *arguments)
     assert code == 1
     assert why in error
     assert error.count('\n') == 1
+
+
+def test_a_time_in_a_hole_of_a_bag(capsys, tmp_path):
+    """It is said that the pose is interpolated; a frame in itself never is."""
+    bags = pytest.importorskip('bags')
+    times = [*range(100 * S, 102 * S, S // 10), *range(106 * S, 108 * S, S // 10)]
+    path = str(bags.make(tmp_path, 'mcap', [
+        ('/tf', time, [bags.row(time, 'odom', 'base_link')]) for time in times]))
+    for stamp, end in (('+4', 'interpolated between +1.90 and +6.00 s: odom -> base_link has no '
+                        'data there\n'), ('+1.85', '1.000\n'), ('106', '1.000\n')):
+        assert main(['--bag', path, 'odom', 'base_link', '-t', stamp]) == 0
+        assert capsys.readouterr().out.endswith(end)
+    assert main(['--bag', path, 'x', 'x']) == 0

@@ -2,13 +2,13 @@
 
 from contextlib import nullcontext
 import csv
+from functools import cache
 from math import pi
 import os
 import re
 import signal
 import subprocess
 import sys
-import tracemalloc
 from xml.etree import ElementTree
 
 from arms import Arm, BEGIN, hand
@@ -24,6 +24,7 @@ from puretf.rotations import euler_from_quaternion, quaternion_from_euler
 from puretf_tools.commands import tf_trajectory
 
 bags = pytest.importorskip('bags')
+typesys = pytest.importorskip('rosbags.typesys')
 S = 10**9
 MS = 10**6
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -115,11 +116,11 @@ def test_the_table_is_printed_and_the_summary_is_on_stderr(run, arm_bag, tmp_pat
 
 
 def test_csv_loses_no_bit(run, arm_bag):
-    """The numbers are exactly those of a lookup."""
+    """The numbers are exactly those of a lookup, but for the sign of a quaternion."""
     _, stamps, numbers = read_csv(run('--bag', arm_bag, *FRAMES)[0])
     positions, rotations, _ = tf_bag.read(arm_bag).lookup_transforms(*FRAMES, stamps)
     assert (numbers[:, :3] == positions).all()
-    assert (numbers[:, 3:7] == rotations).all()
+    assert (abs(numbers[:, 3:7]) == abs(rotations)).all()
 
 
 def test_the_file_of_evo(run, arm_bag, tmp_path):
@@ -195,37 +196,33 @@ def test_the_stamps_are_those_of_edges_that_move(run, tmp_path):
     assert read_csv(output)[1].tolist() == [3 * S // 2, 2 * S, 5 * S // 2]
 
 
-def test_rows_without_a_transform_are_left_out_and_counted(run, tmp_path):
-    """The line names the number, the first of them, and the reason."""
+def test_stamps_outside_of_the_data_are_counted(run, tmp_path):
+    """The line names the edges that begin last and end first, and how much is left out."""
     bag = bag_of(tmp_path / 'bag', rows_of(
         ('map', 'odom', [1.0, 1.5, 2.0, 3.0]), ('odom', 'base', [1.75, 2.5, 4.0])))
     output, error = run('--bag', bag, 'map', 'base')
     _, stamps, numbers = read_csv(output)
     assert stamps.tolist() == [1750 * MS, 2 * S, 2500 * MS, 3 * S]
     assert np.isfinite(numbers).all()
-    summary, line = error.splitlines()
-    assert '4 rows from 1.750000000 s to 3.000000000 s' in summary
-    assert line.startswith(
-        'tf_trajectory: 3 of 7 rows are left out, without a transform; the first, at '
-        '1.000000000 s: '
-        'Lookup would require extrapolation into the past.')
-    assert "edge 'odom' -> 'base' are from 1.750000000 to 4.000000000 and begin 0.75" in line
+    assert error == (
+        'tf_trajectory: 4 rows from 1.750000000 s to 3.000000000 s\n'
+        'tf_trajectory: 3 of 7 stamps are outside the data of odom -> base: the first 0.75 s; of '
+        'map -> odom: the last 1 s\n')
     _, error = run('--bag', bag, 'map', 'base', '--every', '0.0001')  # more than one part
     assert '12501 rows from 1.750000000 s to 3.000000000 s' in error
-    assert '17500 of 30001 rows are left out, without a transform; the first, at 1.00' in error
+    assert '17500 of 30001 stamps are outside the data of odom -> base: the first 0.75 s' in error
 
 
 @pytest.mark.parametrize('output', [[], ['-o', 'x.npz'], ['-o', 'x.svg']])
 def test_no_row_has_a_transform(failed, monkeypatch, tmp_path, output):
-    """The error names the first reason, and no file is written."""
+    """The error names the reasons, and no file is written."""
     if 'x.svg' in output:
         pytest.importorskip('matplotlib')
     monkeypatch.chdir(tmp_path)
     bag = bag_of(tmp_path / 'bag', rows_of(('map', 'odom', [1.0]), ('odom', 'base', [2.0])))
-    code, line = failed(tf_trajectory.main, '--bag', bag, 'map', 'base', *output)
-    assert code == 1
-    assert re.fullmatch('tf_trajectory: no row has a transform; the first of 2, at '
-                        r'1\.000000000 s: .*extrapolation.*\n', line)
+    assert failed(tf_trajectory.main, '--bag', bag, 'map', 'base', *output) == (
+        1, 'tf_trajectory: there is no row: 2 of 2 stamps are outside the data of odom -> base: '
+        'the first 1 s; of map -> odom: the last 1 s\n')
     assert [path.name for path in tmp_path.iterdir()] == ['bag']
 
 
@@ -558,17 +555,311 @@ def test_rows_are_written_before_the_next_are_looked_up(run, monkeypatch, arm_ba
 
 
 def test_arrays_of_many_rows(run, tmp_path):
-    """The memory is that of the times and of a part of the rows: less than the file."""
+    """They are those of all parts."""
     bag = bag_of(tmp_path / 'bag', rows_of(('map', 'base', [1.0, 21.0])))
     path = tmp_path / 'base.npz'
-    run('--bag', bag, 'map', 'base', '-o', str(path))  # this finishes late imports
-    tracemalloc.start()
-    try:
-        run('--bag', bag, 'map', 'base', '--every', '0.0001', '-o', str(path))
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
+    run('--bag', bag, 'map', 'base', '--every', '0.001', '-o', str(path))
     with np.load(path) as arrays:
-        assert (arrays['stamps'] == S + np.arange(200_001) * MS // 10).all()
-        assert abs(arrays['positions'][:, 0] - np.arange(200_001) * 5e-6).max() < 1e-9
-    assert peak < path.stat().st_size
+        assert (arrays['stamps'] == S + np.arange(20_001) * MS).all()
+        assert abs(arrays['positions'][:, 0] - np.arange(20_001) * 5e-5).max() < 1e-9
+
+
+@pytest.fixture(scope='module')
+def walk_bag(tmp_path_factory):
+    """A bag of a walk with x = stamp - 100 s, recorded from 100 s to 110.001 s."""
+    return bag_of(tmp_path_factory.mktemp('walk') / 'walk_bag', bags.walk())
+
+
+@pytest.mark.parametrize(('window', 'first', 'last'), [
+    (['--start', '+2.5'], 102_500, 110_000),
+    (['--stop', '-1.5'], 100_000, 108_500),
+    (['--start', '103.25', '--stop', '104'], 103_300, 104_000),
+    (['--start', '-1', '--stop', '1970-01-01T00:01:49.5Z'], 109_000, 109_500),
+    # Nine digits are exact.
+    (['--start', '100.100000001', '--stop', '100.3'], 100_200, 100_300),
+    (['--start', '100.1', '--stop', '+0.299999999'], 100_100, 100_200),
+    (['--start', '1', '--stop', '9000000000'], 100_000, 110_000)])
+def test_a_window(run, walk_bag, window, first, last):
+    """It is inclusive, and bounds the stamps (ms)."""
+    output, _ = run('--bag', walk_bag, 'odom', 'base_link', *window)
+    assert read_csv(output)[1].tolist() == [*range(first * MS, last * MS + 1, 100 * MS)]
+
+
+def test_equal_distances_in_a_window(run, walk_bag):
+    """The first row is at its begin, also between two stamps."""
+    output, _ = run('--bag', walk_bag, 'odom', 'base_link', '--start', '+0.123456789', '--stop',
+                    '+1', '--every', '0.3')
+    _, stamps, numbers = read_csv(output)
+    assert stamps.tolist() == [100 * S + 123_456_789 + 300 * MS * i for i in range(3)]
+    np.testing.assert_allclose(numbers[:, 0], stamps / S - 100.0)
+
+
+@pytest.mark.parametrize('window', [
+    ['--start', '+20'], ['--stop', '99'], ['--start', '100.01', '--stop', '100.02'],
+    ['--start', '9000000000', '--every', '1']])
+def test_an_empty_window(failed, walk_bag, window):
+    """The error says when the bag is, in both forms of time."""
+    assert failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link', *window) == (
+        1, 'tf_trajectory: there is no row in this time: the bag is from 100.000000000 to +10 s, '
+        '110.000000000\n')
+
+
+@pytest.mark.parametrize(('arguments', 'text'), [
+    (['a', 'b', *option], '--start, --stop, --at, --topic and --tf-topic need --bag')
+    for option in (['--start', '+1'], ['--stop', '5'], ['--at', '/scan'], ['--tf-topic', '/x'])
+] + [
+    (['--topic', '/x'], '--start, --stop, --at, --topic and --tf-topic need --bag'),
+    (['a', '--bag', 'x', '--at', '/scan', '--every', '1'], 'give either --at or --every'),
+    (['a', 'b', '--bag', 'x', '--every', '0'], '--every must be more than 0 s'),
+    *((['--bag', 'x', '--topic', '/x', *more],
+       'with --topic, leave out the frames, --at and --tf-topic')
+      for more in (['a'], ['--at', '/y'], ['--tf-topic', '/y']))])
+def test_options_that_do_not_fit(failed, arguments, text):
+    """The error is one line, before a bag is read."""
+    assert failed(tf_trajectory.main, *arguments) == (2, f'tf_trajectory: {text}\n')
+
+
+def test_a_window_that_ends_before_it_begins(failed, walk_bag):
+    """Whether it does is known when the bag has been read."""
+    assert failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link', '--start', '+2',
+                  '--stop', '101') == (2, 'tf_trajectory: --start must not be after --stop\n')
+
+
+@pytest.mark.parametrize('arguments', [['base_link'], []])
+def test_frames_are_needed(failed, arguments):
+    """Only --at and --topic replace them."""
+    code, error = failed(tf_trajectory.main, '--bag', 'x', *arguments)
+    assert code == 2
+    assert 'are required: ' in error
+    assert 'source_frame' in error
+
+
+def scans(*stamps, frame='odom', kind='mcap'):
+    """Yield messages with a header on /scan: stamps (ns)."""
+    for stamp in stamps:
+        yield ('/scan', stamp + 5 * MS, bags.point(frame, stamp, 1 if kind == 'bag' else 2),
+               'geometry_msgs/msg/PointStamped')
+
+
+SCANS = [100 * S + 123_456_789 + 70 * MS * i for i in range(20)]
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'mcap message', 'db3', 'bag'])
+@pytest.mark.parametrize('arguments', [
+    ['base_link', '--at', '/scan'], ['--at', 'scan', 'base_link'],
+    ['odom', '--at', '/scan', 'base_link']])
+def test_rows_at_the_stamps_of_a_topic(run, tmp_path, kind, arguments):
+    """They are those of the headers; the frame of the messages is the default target."""
+    bag = str(bags.make(tmp_path, kind, [*bags.walk(), *scans(*SCANS, kind=kind)]))
+    _, stamps, numbers = read_csv(run(*arguments, '--bag', bag)[0])
+    assert stamps.tolist() == SCANS
+    np.testing.assert_allclose(numbers[:, 0], stamps / S - 100.0)
+
+
+def test_no_message_of_many_is_left_out(run, tmp_path):
+    """Elsewhere, a sample of 20 000 headers of a topic is read."""
+    stamps = [100 * S + 400_000 * i for i in range(20_500)]
+    bag = bag_of(tmp_path / 'bag', [*bags.walk(), *scans(*stamps)])
+    path = tmp_path / 'x.npz'
+    run('base_link', '--at', '/scan', '--bag', bag, '--start', '+0.0004', '-o', str(path))
+    with np.load(path) as arrays:
+        assert arrays['stamps'].tolist() == stamps[1:]
+
+
+def test_a_static_pose_at_the_stamps_of_a_topic(run, tmp_path):
+    """Nothing needs to move."""
+    bag = bag_of(tmp_path / 'bag', [*bags.walk(), *scans(*SCANS, frame='map')])
+    _, stamps, numbers = read_csv(run('odom', '--at', '/scan', '--bag', bag)[0])
+    assert stamps.tolist() == SCANS
+    assert (numbers[:, :3] == [1.0, 2.0, 3.0]).all()
+
+
+def test_a_topic_without_stamps(failed, tmp_path):
+    """The error names the topics that have headers."""
+    bag = bag_of(tmp_path / 'bag', [
+        *bags.walk(), *scans(*SCANS), ('/text', S, bags.string('x'), bags.STRING)])
+    for topic in '/scn', '/text', '/tf':
+        assert failed(tf_trajectory.main, 'base_link', '--at', topic, '--bag', bag) == (
+            1, f'tf_trajectory: no message on {topic} has a header; topics with headers: /scan\n')
+
+
+@pytest.mark.parametrize(('frames', 'text'), [('ab', 'a, b'), (('',), "''")])
+def test_a_topic_without_a_default_target(failed, run, tmp_path, frames, text):
+    """If its messages have several frames, or none, both frames are needed."""
+    bag = bag_of(tmp_path / 'bag', [*bags.walk(), *(
+        message for frame in frames for message in scans(*SCANS, frame=frame))])
+    assert failed(tf_trajectory.main, 'base_link', '--at', '/scan', '--bag', bag) == (
+        1, f'tf_trajectory: the messages on /scan must be in one frame, got {text}: give both '
+        'frames\n')
+    output, _ = run('odom', 'base_link', '--at', '/scan', '--bag', bag)
+    assert read_csv(output)[1].tolist() == SCANS
+
+
+@pytest.fixture(scope='module')
+def torn_bag(tmp_path_factory):
+    """The walk without its data between 104 and 107 s; tool moves on base_link at 10 Hz."""
+    messages = [message for message in bags.walk() if not 104 * S + MS < message[1] < 107 * S]
+    return bag_of(tmp_path_factory.mktemp('torn') / 'torn_bag', [*messages, *(
+        ('/tf', 100 * S + i * S // 10, [bags.row(100 * S + i * S // 10, 'base_link', 'tool')])
+        for i in range(101))])
+
+
+def test_rows_in_a_gap_are_counted(run, torn_bag):
+    """At 104.0 and 107.0 s, nothing is interpolated; between, there are 29 stamps of the tool."""
+    output, error = run('--bag', torn_bag, 'odom', 'tool')
+    assert output.count('\n') == 102
+    assert error.splitlines()[1:] == [
+        'tf_trajectory: 29 rows are interpolated over gaps without data: odom -> base_link has '
+        'none between +4.00 and +7.00 s']
+
+
+def test_rows_in_a_gap_are_left_out(run, torn_bag, tmp_path):
+    """So it is with --max-gap; a line says how many."""
+    output, error = run('--bag', torn_bag, 'odom', 'tool', '--max-gap', '2.999999999')
+    assert read_csv(output)[1].tolist() == [
+        100 * S + i * S // 10 for i in range(101) if not 40 < i < 70]
+    assert error.splitlines()[1:] == [
+        'tf_trajectory: 29 rows are left out, in gaps without data: odom -> base_link has none '
+        'between +4.00 and +7.00 s']
+    output, error = run('--bag', torn_bag, 'odom', 'tool', '--max-gap', '3')
+    assert output.count('\n') == 102
+    assert error.count('\n') == 1
+
+
+def test_all_rows_are_in_a_gap(failed, torn_bag):
+    """The error says so."""
+    assert failed(tf_trajectory.main, '--bag', torn_bag, 'odom', 'tool', '--max-gap', '1',
+                  '--start', '+5', '--stop', '+6') == (
+        1, 'tf_trajectory: there is no row: 11 rows are left out, in gaps without data: odom -> '
+        'base_link has none between +4.00 and +7.00 s\n')
+
+
+def test_the_signs_of_quaternions_do_not_flip(run, tmp_path):
+    """The first row keeps its sign; each later one is on the side of the one before."""
+    # The buffer keeps the sign of which w is positive, so it flips where the half angle of top in
+    # mid is pi / 2. The half angle in map grows from 2 to 7 rad.
+    bag = bag_of_samples(tmp_path / 'bag', *(
+        (1 + i, *edge, *STILL[:3], *quaternion_from_euler(0.0, 0.0, angle)) for i in range(100)
+        for edge, angle in ((('map', 'mid'), 3.0), (('mid', 'top'), 1.0 + i / 10))))
+    _, _, numbers = read_csv(run('--bag', bag, 'map', 'top')[0])
+    half = 2.0 + np.arange(100) / 20
+    np.testing.assert_allclose(
+        numbers[:, 5:7], np.stack([np.sin(half), np.cos(half)], axis=1), atol=1e-12)
+    path = tmp_path / 'top.npz'
+    run('--bag', bag, 'map', 'top', '--every', '0.004', '-o', str(path))  # more than two parts
+    with np.load(path) as arrays:
+        quaternions = arrays['quaternions']
+    assert len(quaternions) == 24_751
+    assert ((quaternions[1:] * quaternions[:-1]).sum(axis=1) > 0.0).all()
+    assert quaternions[0, 3] < 0.0
+
+
+types = cache(typesys.get_typestore)
+
+
+def posed(msgtype, stamp, x, frame='odom', child='base', version=2):
+    """Serialize a message with a pose at x, turned by x about z."""
+    store = types(
+        typesys.Stores.ROS1_NOETIC if version == 1 else typesys.Stores.LATEST)
+
+    def new(name, *fields):
+        return store.types[name](*fields)
+
+    number = (7,) if version == 1 else ()
+    header = new('std_msgs/msg/Header', *number, new(
+        'builtin_interfaces/msg/Time', *divmod(stamp, S)), frame)
+    rotation = new('geometry_msgs/msg/Quaternion', *quaternion_from_euler(0.0, 0.0, x))
+    vector = new('geometry_msgs/msg/Vector3', x, 0.5, -0.5)
+    pose = new('geometry_msgs/msg/Pose', new('geometry_msgs/msg/Point', x, 0.5, -0.5), rotation)
+    certain = new('geometry_msgs/msg/PoseWithCovariance', pose, np.zeros(36))
+    fields = {
+        'nav_msgs/msg/Odometry': lambda: (child, certain, new(
+            'geometry_msgs/msg/TwistWithCovariance',
+            new('geometry_msgs/msg/Twist', vector, vector), np.zeros(36))),
+        'geometry_msgs/msg/PoseStamped': lambda: (pose,),
+        'geometry_msgs/msg/PoseWithCovarianceStamped': lambda: (certain,),
+        'geometry_msgs/msg/TransformStamped': lambda: (
+            child, new('geometry_msgs/msg/Transform', vector, rotation))}[msgtype]()
+    serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
+    return bytes(serialize(new(msgtype, header, *fields), msgtype))
+
+
+POSES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
+         'geometry_msgs/msg/PoseWithCovarianceStamped', 'geometry_msgs/msg/TransformStamped')
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+@pytest.mark.parametrize('msgtype', POSES)
+def test_the_poses_of_a_topic(run, tmp_path, kind, msgtype):
+    """They are in the same formats as those of transforms, and a bag needs no transforms."""
+    bag = str(bags.make(tmp_path, kind, [
+        ('/odom', 50 * S + i, posed(msgtype, S + i * 20 * MS, i / 50, version=(
+            1 if kind == 'bag' else 2)), msgtype) for i in range(100)]))
+    path = tmp_path / 'odom.tum'
+    run('--bag', bag, '--topic', '/odom', '-o', str(path))
+    rows = np.loadtxt(path)
+    times = np.arange(100) / 50
+    np.testing.assert_allclose(rows[:, 0], 1.0 + times)
+    np.testing.assert_allclose(rows[:, 1:4], [[x, 0.5, -0.5] for x in times])
+    np.testing.assert_allclose(
+        rows[:, 4:], [quaternion_from_euler(0.0, 0.0, x) for x in times], atol=1e-12)
+    output, _ = run('--bag', bag, '--topic', 'odom', '--every', '0.1', '--start', '1.5', '--stop',
+                    '1.7', '--twist')
+    _, stamps, numbers = read_csv(output)
+    assert stamps.tolist() == [1500 * MS, 1600 * MS, 1700 * MS]
+    np.testing.assert_allclose(numbers[:, [10, 15]], 1.0)
+
+
+def test_a_topic_of_another_type(failed, tmp_path):
+    """The line names the type, those that are possible, and the topics that have them."""
+    bag = bag_of(tmp_path / 'bag', [
+        *bags.walk(), *scans(*SCANS), ('/pose', S, posed(POSES[1], S, 1.0), POSES[1])])
+    four = f'it must be {", ".join(POSES[:3])} or {POSES[3]}; topics of these types: /pose'
+    for topic, what in (('/scan', 'the type of /scan is geometry_msgs/msg/PointStamped'),
+                        ('/tf', 'the type of /tf is tf2_msgs/msg/TFMessage'),
+                        ('/odom', 'there is no topic /odom')):
+        assert failed(tf_trajectory.main, '--bag', bag, '--topic', topic) == (
+            1, f'tf_trajectory: {what}; {four}\n')
+    code, line = failed(tf_trajectory.main, '--bag', bag, '--tf-topic', '/pose', *FRAMES)
+    assert code == 1
+    assert line == ('tf_trajectory: the type of /pose is geometry_msgs/msg/PoseStamped; it must '
+                    'be geometry_msgs/msg/TransformStamped or tf2_msgs/msg/TFMessage; topics of '
+                    'these types: /tf, /tf_static\n')
+
+
+def test_a_topic_of_poses_in_several_frames(failed, tmp_path):
+    """They are not one trajectory."""
+    bag = bag_of(tmp_path / 'bag', [
+        ('/pose', S + i, posed(POSES[1], S + i, 1.0, frame), POSES[1])
+        for i, frame in enumerate(('map', 'odom'))])
+    assert failed(tf_trajectory.main, '--bag', bag, '--topic', '/pose') == (
+        1, 'tf_trajectory: the messages on /pose must be in one frame, got map, odom\n')
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+def test_transforms_on_another_topic(run, tmp_path, kind):
+    """They are read as those of TF, and TF is read, too."""
+    version, msgtype = 1 if kind == 'bag' else 2, POSES[3]
+    static, *_ = bags.walk()
+    bag = str(bags.make(tmp_path, kind, [static, *(
+        ('/motion', 100 * S + i, posed(msgtype, 100 * S + i * S // 10, i / 10, 'odom', 'base_link',
+                                       version), msgtype) for i in range(101)),
+        *scans(*SCANS, frame='map', kind=kind)]))
+    _, stamps, numbers = read_csv(run(
+        '--bag', bag, '--tf-topic', '/motion', 'map', 'base_link')[0])
+    assert stamps.tolist() == [100 * S + i * S // 10 for i in range(101)]
+    np.testing.assert_allclose(
+        numbers[:, :3], [[1.0 + i / 10, 2.5, 2.5] for i in range(101)])
+    output, _ = run('--bag', bag, '--tf-topic', '/motion', 'base_link', '--at', '/scan')
+    assert read_csv(output)[1].tolist() == SCANS
+
+
+def test_tf_messages_on_another_topic(run, tmp_path):
+    """The topic may have any name."""
+    bag = bag_of(tmp_path / 'bag', [
+        ('/recorded/transforms' if topic == '/tf' else topic, *rest)
+        for topic, *rest in bags.walk()])
+    output, _ = run('--bag', bag, '--tf-topic', '/recorded/transforms', 'odom', 'base_link')
+    _, stamps, numbers = read_csv(output)
+    assert len(stamps) == 101
+    np.testing.assert_allclose(numbers[:, 0], stamps / S - 100.0)

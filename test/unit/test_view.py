@@ -320,13 +320,13 @@ def test_a_player(clock):
     clock[0] += 1.0
     player.advance(False)
     assert player.position == 1.5
-    player.seek(3.9)
+    player.seek(T + 39 * S // 10)
     clock[0] += 1.0
     player.advance(True)
     assert player.position == 4.0
     player.advance(True)
     assert player.position == 0.0
-    player.seek(99.0)
+    player.seek(T + 99 * S)
     assert player.time == T + 4 * S
     still = Player([])
     still.advance(True)

@@ -1,0 +1,74 @@
+"""Times as people write them: `1760000012.34`, `+12.34`, `-1.5`, `2025-10-09T08:53:32.34Z`."""
+
+from argparse import ArgumentTypeError
+from datetime import datetime, timezone
+from decimal import Context, Decimal, Inexact
+import re
+from typing import NamedTuple
+
+from puretf import SECOND
+from puretf_tools.cli.errors import UsageError
+
+#: Products that are not exact raise an error.
+_EXACT = Context(prec=40, traps=[Inexact])
+_NUMBER = re.compile(r'([+-]?)(\d*\.?\d+|\d+\.)', re.ASCII)
+_DATE = re.compile(r'(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(\.\d+)?(Z|[+-]\d\d:\d\d)', re.ASCII)
+
+
+class When(NamedTuple):
+    """A time, or a distance (ns) from the begin ('+') or the end ('-') of a bag."""
+
+    time: int
+    sign: str = ''
+
+    def within(self, span: tuple[int, int]) -> int:
+        """Return the time (ns) in a bag with a begin and an end."""
+        return {'': 0, '+': span[0], '-': span[1]}[self.sign] + self.time
+
+    def absolute(self, option: str) -> int:
+        """Return the time (ns); raise a UsageError if it refers to a bag."""
+        if self.sign:
+            raise UsageError(f'{option} with a sign counts from the start or the end of a bag: '
+                             'it needs --bag')
+        return self.time
+
+
+#: The latest time for which there is a transform.
+LATEST = When(0)
+
+
+#: The help of an option with such a time.
+WHEN = ('time of the transform: s, such as 1760000012.34, or 2025-10-09T08:53:32.34Z; in a bag '
+        'also +12.34 s after its start or -1.5 s before its end; 0: the latest')
+
+
+def when(text: str) -> When:
+    """
+    Convert an argument to a time, exact to the ns.
+
+    >>> when('1760000012.34'), when('+12.34'), when('-1.5')
+    (When(time=1760000012340000000, sign=''), When(time=12340000000, sign='+'), When(time=-1500000000, sign='-'))
+    >>> when('2025-10-09T08:53:32.34Z')
+    When(time=1760000012340000000, sign='')
+    """  # noqa: E501
+    try:
+        if match := _NUMBER.fullmatch(text):
+            return When(_nanoseconds(text), match[1])
+        if match := _DATE.fullmatch(text):
+            zone = match[3].replace('Z', '+00:00')
+            date = datetime.fromisoformat(match[1].replace(' ', 'T') + zone)
+            whole = (date - datetime(1970, 1, 1, tzinfo=timezone.utc)).total_seconds()
+            return When(int(whole) * SECOND + _nanoseconds(f'0{match[2] or ""}'))
+    except (ArithmeticError, ValueError):
+        pass
+    raise ArgumentTypeError(
+        f'{text!r} must be a time, such as 1760000012.34 (s), +12.34 (s after the start of the '
+        'bag), -1.5 (s before its end) or 2025-10-09T08:53:32.34Z, with at most 9 digits after '
+        'the point')
+
+
+def _nanoseconds(text: str) -> int:
+    time = _EXACT.multiply(Decimal(text), SECOND)
+    if time != int(time) or not -2**63 < time < 2**63:
+        raise ValueError
+    return int(time)

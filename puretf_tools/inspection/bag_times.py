@@ -1,0 +1,46 @@
+"""The begin and the end of a bag, and times relative to them."""
+
+from collections.abc import Iterable
+
+from puretf import exact_time, Frame, SECOND
+
+#: Stamps that differ this much (ns) from the median are outliers.
+_FAR = 24 * 3600 * SECOND
+
+
+def span_of(frames: Iterable[Frame]) -> tuple[int, int]:
+    """
+    Return the first and the last stamp (ns) of the dynamic frames of a bag, (1, 1) without one.
+
+    The stamps of a node that publishes before its clock is set can be wrong by years: they do not
+    count.
+    """
+    frames = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
+    begin = min(_without_outliers([frame.oldest for frame in frames]))
+    return begin, max(begin, *_without_outliers([frame.latest for frame in frames]))
+
+
+def _without_outliers(stamps: list[int]) -> list[int]:
+    median = sorted(stamps)[len(stamps) // 2] if stamps else 0
+    return [stamp for stamp in stamps if abs(stamp - median) < _FAR] or [1]
+
+
+def why_outside(time: int, span: tuple[int, int]) -> str:
+    """Return why a time (ns) is not in a bag; '' if it is, or means the latest time."""
+    begin, end = span
+    return '' if not time or begin <= time <= end else (
+        f'{both(time, begin)} is outside of the bag, which is from {exact_time(begin)} to '
+        f'{both(end, begin)}')
+
+
+def both(time: int, begin: int) -> str:
+    """
+    Write a time (ns) of a bag that begins at `begin`, as seconds after it and as a stamp.
+
+    Of an earlier time, only the stamp is written, since -1 is a second before the end in options.
+
+    >>> both(1760000012340000000, 1760000000000000000)
+    '+12.34 s, 1760000012.340000000'
+    """
+    after = exact_time(time - begin).rstrip('0').rstrip('.')
+    return f'+{after} s, {exact_time(time)}' if time >= begin else exact_time(time)

@@ -1,0 +1,135 @@
+"""Times for which the edges between two frames have no data: in holes, and beyond the ends."""
+
+from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import in_seconds, SECOND, shortened, TransformBuffer
+
+if TYPE_CHECKING:
+    from puretf import BufferCore
+
+#: A step of an edge, from stamp to stamp, is a hole if it is longer than this many usual (median)
+#: steps, and not shorter than `SHORTEST_HOLE` (ns).
+USUAL_STEPS, SHORTEST_HOLE = 10, SECOND // 2
+
+AnyBuffer = Union[TransformBuffer, 'BufferCore']
+
+
+class Hole(NamedTuple):
+    """A long step of an edge, over which poses are interpolated."""
+
+    parent: str
+    child: str
+    begin: int  #: the stamp before the hole (ns)
+    end: int  #: the stamp after it (ns)
+
+    @property
+    def edge(self) -> str:
+        """The names of both frames, as 'odom -> base_link'."""
+        return _edge(self.parent, self.child)
+
+    def interpolated(self, zero: Optional[int] = None) -> str:
+        """Say that a pose is interpolated over the hole; `zero` as in `between`."""
+        return f'interpolated {self.between(zero)}: {self.edge} has no data there'
+
+    def between(self, zero: Optional[int] = None) -> str:
+        """
+        Say when the hole is.
+
+        :param zero: the begin of a bag (ns), for times after it; None: for stamps.
+
+        >>> Hole('odom', 'base_link', 120 * SECOND, 124 * SECOND).between(100 * SECOND)
+        'between +20.00 and +24.00 s'
+        """
+        sign = '' if zero is None else '+'
+        begin, end = (in_seconds(time - (zero or 0)) for time in (self.begin, self.end))
+        return f'between {begin:{sign}.2f} and {end:{sign}.2f} s'
+
+
+def holes_at(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int64],
+             longest: Optional[int] = None) -> NDArray[np.object_]:
+    """
+    Find the hole in the data between two frames that is around each time.
+
+    :param times: (n,) times (ns).
+    :param longest: longer steps (ns) are holes; None: those that `USUAL_STEPS` describes.
+    :returns: (n,) objects: a `Hole`, the longest of several; or None.
+    :raises TransformException: if there is no path between the frames at any time.
+    """
+    order = np.argsort(times, kind='stable')
+    times = times[order]
+    found, lengths = np.full(len(times), None, np.object_), np.zeros(len(times), np.uint64)
+    edges = [] if target == source else buffer.path_edges(target, source)
+    # The difference of two int64 may be too large for an int64, but not for a uint64.
+    steps = [np.diff(edge.stamps).view(np.uint64) for edge in edges]
+    limits: dict[str, float] = {}
+    for edge, own in zip(edges, steps):
+        if edge.child not in limits:
+            every = np.concatenate([each for other, each in zip(edges, steps)
+                                    if other.child == edge.child])
+            usual = float(np.median(every[every > 0])) if every.any() else 0.0
+            limits[edge.child] = max(USUAL_STEPS * usual, SHORTEST_HOLE - 1)
+        first, last = _part(times, edge.begin, edge.end)
+        after = edge.stamps.searchsorted(times[first:last])
+        # At a stamp, and beyond the ends, nothing is interpolated.
+        inside = np.flatnonzero((after > 0) & (after < len(edge.stamps)))
+        inside = inside[edge.stamps[after[inside]] != times[first:last][inside]]
+        step = after[inside] - 1
+        is_hole = (own[step] > (limits[edge.child] if longest is None else longest)) & (
+            own[step] > lengths[first:last][inside])
+        inside, step = first + inside[is_hole], step[is_hole]
+        lengths[inside] = own[step]
+        last_step, hole = -1, None
+        for i, j in zip(inside.tolist(), step.tolist()):
+            if j != last_step:
+                last_step = j
+                hole = Hole(edge.parent, edge.child, *edge.stamps[j:j + 2].tolist())
+            found[i] = hole
+    unsorted = np.empty_like(found)
+    unsorted[order] = found
+    return unsorted
+
+
+def beyond_ends(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int64]
+                ) -> tuple[NDArray[np.bool_], str]:
+    """
+    Find the times before the first or after the last data of an edge between two frames.
+
+    :param times: (n,) times in increasing order (ns).
+    :returns: (n,) bool, and a text such as 'odom -> base_link: the last 0.04 s'; of several edges,
+        it names the one that begins last and the one that ends first.
+    :raises TransformException: if there is no path between the frames at any time.
+    """
+    is_beyond = np.zeros(len(times), np.bool_)
+    early, late = (0, ''), (0, '')
+    for edge in buffer.path_edges(target, source):
+        part = slice(*_part(times, edge.begin, edge.end))
+        own, name = times[part], _edge(edge.parent, edge.child)
+        is_early, is_late = own < edge.stamps[0], own > edge.stamps[-1]
+        is_beyond[part] |= is_early | is_late
+        if is_early.any():
+            early = max(early, (int(edge.stamps[0]) - int(own[0]), name))
+        if is_late.any():
+            late = max(late, (int(own[-1]) - int(edge.stamps[-1]), name))
+    texts: dict[str, list[str]] = {}
+    for which, (time, name) in (('first', early), ('last', late)):
+        if time:
+            texts.setdefault(name, []).append(f'the {which} {_in_words(time)}')
+    return is_beyond, '; of '.join(
+        f'{name}: {" and ".join(spans)}' for name, spans in texts.items())
+
+
+def _edge(parent: str, child: str) -> str:
+    return f'{shortened(parent)} -> {shortened(child)}'
+
+
+def _part(times: NDArray[np.int64], begin: int, end: int) -> tuple[int, int]:
+    """Return which of sorted times are from `begin` to `end` (ns): a range of indices."""
+    return int(times.searchsorted(begin)), int(times.searchsorted(end, 'right'))
+
+
+def _in_words(time: int) -> str:
+    seconds = time / SECOND
+    return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'

@@ -1,0 +1,84 @@
+"""Times as people write them, and times relative to a bag."""
+
+from argparse import ArgumentTypeError
+from datetime import datetime, timedelta, timezone
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from puretf import Frame
+from puretf_tools.cli.parser import UsageError
+from puretf_tools.cli.times import when
+from puretf_tools.inspection.bag_times import both, span_of, why_outside
+
+S = 10**9
+BEGIN, END = 1_760_000_000 * S, 1_760_000_060 * S
+
+
+@given(st.integers(0, 2**62), st.sampled_from(['', '+', '-']))
+def test_seconds_are_exact(time, sign):
+    """All nine digits count; a sign counts from the begin or the end of a bag."""
+    found = when(f'{sign}{time // S}.{time % S:09d}')
+    assert found.within((BEGIN, END)) == {'': time, '+': BEGIN + time, '-': END - time}[sign]
+
+
+@given(st.datetimes(datetime(1970, 1, 2), datetime(2200, 1, 1)), st.integers(0, 999),
+       st.integers(-14 * 60, 14 * 60))
+def test_dates(date, nanoseconds, minutes):
+    """They are those of ISO 8601 with a time zone, and up to nine digits."""
+    zone = timezone(timedelta(minutes=minutes))
+    there = date.replace(tzinfo=timezone.utc).astimezone(zone)
+    text = f'{there:%Y-%m-%dT%H:%M:%S}.{there.microsecond:06d}{nanoseconds:03d}'
+    shift = f'{"-" if minutes < 0 else "+"}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}'
+    whole = (date - datetime(1970, 1, 1)) // timedelta(microseconds=1) * 1000
+    assert when(text + shift).within((BEGIN, END)) == whole + nanoseconds
+    if not minutes:
+        assert when(f'{text}Z') == when(text + shift)
+
+
+@pytest.mark.parametrize('text', [
+    '', '+', '-', '.', 'nan', 'inf', '1e5', '1_0', '٣', '--1', '1.0000000001', '9' * 11,
+    '9223372036.854775808', '+-1', '2025-10-09', '2025-10-09T08:53:32', '2025-13-09T08:53:32Z',
+    '2025-10-09T25:53:32Z'])
+def test_other_texts_are_refused(text):
+    """The error shows all forms."""
+    with pytest.raises(ArgumentTypeError, match=r'1760000012\.34 .* \+12\.34 .* -1\.5 .*Z'):
+        when(text)
+
+
+def test_a_relative_time_needs_a_bag():
+    """Without one, it is wrong use."""
+    assert when('12.5').absolute('-t') == 12_500_000_000
+    with pytest.raises(UsageError, match='needs --bag'):
+        when('+1').absolute('-t')
+
+
+def dynamic(oldest, latest):
+    return Frame('x', 'map', '', False, 2, latest, oldest)
+
+
+def test_the_span_of_a_bag():
+    """Static frames, the stamp 0, and stamps that are wrong by years do not count."""
+    frames = [dynamic(BEGIN + i * S, END - i * S) for i in range(3)]
+    assert span_of([*frames, dynamic(5, 7), dynamic(0, END + S),
+                    Frame('y', 'map', '', True, 1, 0, 0)]) == (BEGIN, END)
+    assert span_of([]) == (1, 1)
+
+
+@pytest.mark.parametrize(('time', 'text'), [
+    (BEGIN + 12_340_000_000, '+12.34 s, 1760000012.340000000'),
+    (BEGIN, '+0 s, 1760000000.000000000'),
+    (BEGIN - S // 2, '1759999999.500000000')])
+def test_both_forms_of_a_time(time, text):
+    """A time after the begin, and the stamp."""
+    assert both(time, BEGIN) == text
+    assert bool(why_outside(time, (BEGIN, END))) is (time < BEGIN)
+
+
+def test_a_time_outside():
+    """The text names the bag, and no clocks; time 0 is the latest."""
+    assert why_outside(0, (BEGIN, END)) == ''
+    assert why_outside(END + 1, (BEGIN, END)) == (
+        '+60.000000001 s, 1760000060.000000001 is outside of the bag, which is from '
+        '1760000000.000000000 to +60 s, 1760000060.000000000')
