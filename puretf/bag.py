@@ -177,6 +177,8 @@ class Bag:
             yield BagMessage(topic, time if time < 2**63 else 0, data)
         if tf:
             self._finish(count, accepts_wrong_types=headers)
+        elif damage := self._context.damage:
+            logging.getLogger('puretf').warning(' '.join(damage))
 
     def read(self, *, cache_time: Any = None, max_samples: Optional[int] = None,
              headers: bool = False, others: Collection[Other] = (),

@@ -27,14 +27,10 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
             raise ValueError(f'{name} is not a table of plain columns')
         topics = _topics(database, context)
         wanted = ', '.join(str(key) for key, topic in topics.items() if topic.is_read)
-        if not wanted:
-            keys = Counter(key for key, in database.execute('SELECT topic_id FROM messages'))
-            for key, count in keys.items():
-                if topic := topics.get(key):
-                    topic.expect(count)
         ((first, last),) = database.execute('SELECT (SELECT min(timestamp) FROM messages), '
                                             '(SELECT max(timestamp) FROM messages)')
-        query = f'SELECT topic_id, timestamp, data FROM messages WHERE +topic_id IN ({wanted})'
+        query = ('SELECT topic_id, timestamp, CASE WHEN topic_id IN '
+                 f'({wanted}) THEN data END FROM messages')
         in_order = f'{query} ORDER BY timestamp, id'
         # Without an index, SQLite would write all data to temporary files to sort them.
         plan = str([*database.execute(f'EXPLAIN QUERY PLAN {in_order}')])
@@ -43,13 +39,17 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
         if type(first) is type(last) is int:  # SQLite does not enforce the types
             span = last - first
             context.add_span(first, last)
+        counts: Counter[int] = Counter()
         for number, (key, time, data) in enumerate(rows):
             time = time if type(time) is int else 0
             if number % ADVANCE == 0:
                 context.advance((time - first) / span if span else 0.0)
-            if record := context.record(
-                    topics[key], time, data if isinstance(data, bytes) else b''):
+            counts[key] += 1
+            if (topic := topics.get(key)) and topic.is_read and (record := context.record(
+                    topic, time, data if isinstance(data, bytes) else b'')):
                 yield record
+        for key, topic in topics.items():
+            topic.count += counts[key]
 
 
 def _check_log(path: Path) -> None:

@@ -130,8 +130,11 @@ def resolved(recording: Recording, partial: bool) -> Recording:
         warning = f'{error}; reading {_names(files)}'
     missing = [path for path in files if not os.path.exists(path)]
     if missing and (not partial or len(missing) == len(files)):
+        rest = [path for path in files if path not in missing]
+        remedy = 'partial=True reads the others' if all('.mcap' in path.suffixes for path in rest
+                                                        ) else 'the others can be given as files'
         raise BagError(f'{directory} cannot be read: files that its metadata.yaml lists are '
-                       f'missing: {_names(missing)}; partial=True reads the others')
+                       f'missing: {_names(missing)}{f"; {remedy}" * bool(rest)}')
     if missing:
         warning = f'{directory}: files that its metadata.yaml lists are missing: {_names(missing)}'
     return Recording(directory, [path for path in files if path not in missing],

@@ -39,7 +39,7 @@ LATEST = When(0)
 
 #: The help of an option with such a time.
 WHEN = ('time of the transform: s, such as 1760000012.34, or 2025-10-09T08:53:32.34Z; in a bag '
-        'also +12.34 s after its start or -1.5 s before its end; 0: the latest')
+        'also +12.34 s after its first transform or -1.5 s before its last; 0: the latest')
 
 
 def when(text: str) -> When:

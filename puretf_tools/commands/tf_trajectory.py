@@ -101,9 +101,11 @@ class Trajectory:
                    f's: {self._why_not(int(others[0]))}')
         if in_holes:
             hole = max(self._in_holes, key=lambda each: each.end - each.begin)
+            rest = in_holes - self._in_holes[hole]
+            others_too = f', and {rest} of the rows are in other gaps' if rest else ''
             what = 'left out, in' if self._has_limit else 'interpolated over'
             yield (f'{in_holes} row{"s are" if in_holes > 1 else " is"} {what} gaps without data: '
-                   f'{hole.edge} has none {hole.between(self._zero)}')
+                   f'{hole.edge} has none {hole.between(self._zero)}{others_too}')
 
     def _some(self, count: int, what: str = 'row') -> str:
         return f'{count} of {len(self.times)} {what}s {"is" if count == 1 else "are"}'
@@ -460,7 +462,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     for name, what in ('start', 'first'), ('stop', 'last'):
         parser.add_argument(f'--{name}', type=when, metavar='TIME',
                             help=f'with --bag: the time of the {what} row: a stamp (s), +12.5 (s '
-                                 'after the start of the bag), -1.5 (before its end), or '
+                                 'after the first transform), -1.5 (before the last), or '
                                  '2025-10-09T08:53:32Z')
     parser.add_argument('--max-gap', type=seconds, metavar='SECONDS',
                         help='no rows where a transform is interpolated over a longer time (s)')

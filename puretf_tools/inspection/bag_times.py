@@ -29,8 +29,8 @@ def why_outside(time: int, span: tuple[int, int]) -> str:
     """Return why a time (ns) is not in a bag; '' if it is, or means the latest time."""
     begin, end = span
     return '' if not time or begin <= time <= end else (
-        f'{both(time, begin)} is outside of the bag, which is from {exact_time(begin)} to '
-        f'{both(end, begin)}')
+        f'{both(time, begin)} is outside of the bag, whose transforms are from '
+        f'{exact_time(begin)} to {both(end, begin)}')
 
 
 def both(time: int, begin: int) -> str:

@@ -84,5 +84,5 @@ def test_a_time_of_a_bag_in_a_browser(start, tmp_path):
         assert page.numbers('fixed-translation') == [4.5, 2.0, 3.0]
         page.fill('Go to', '3.5')
         page.until(lambda: page.page.inner_text('[data-text="problem"]').endswith(
-            'outside of the bag, which is from 100.000000000 to +10 s, 110.000000000'))
+            'outside of the bag, whose transforms are from 100.000000000 to +10 s, 110.000000000'))
         page.page.screenshot(path=tmp_path / 'web_view_bag.png')

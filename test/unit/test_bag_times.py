@@ -80,5 +80,5 @@ def test_a_time_outside():
     """The text names the bag, and no clocks; time 0 is the latest."""
     assert why_outside(0, (BEGIN, END)) == ''
     assert why_outside(END + 1, (BEGIN, END)) == (
-        '+60.000000001 s, 1760000060.000000001 is outside of the bag, which is from '
+        '+60.000000001 s, 1760000060.000000001 is outside of the bag, whose transforms are from '
         '1760000000.000000000 to +60 s, 1760000060.000000000')

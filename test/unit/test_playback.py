@@ -195,7 +195,7 @@ def test_a_time_that_is_typed(controls, text, position):
 
 
 @pytest.mark.parametrize(('text', 'problem'), [
-    ('+10.5', '+10.5 s, 1700000010.500000000 is outside of the bag, which is from '),
+    ('+10.5', '+10.5 s, 1700000010.500000000 is outside of the bag, whose transforms are from '),
     ('soon', 'must be a time, such as '), ('<b>' * 999, '&lt;b&gt;')])
 def test_a_time_that_is_not_in_the_bag(controls, text, problem):
     """The page says why, until there is another text, and the bag is played on."""

@@ -123,6 +123,18 @@ def test_a_part_that_is_missing(tmp_path):
     assert counts(whole, partial=True) == {'odom': 1, 'base_link': 62}
 
 
+def test_a_part_that_is_missing_of_a_database(tmp_path):
+    """Since partial=True reads only .mcap files, the remedy is another, which works."""
+    whole = tmp_path / 'db3_plain'
+    shutil.copytree(RECORDINGS / whole.name, whole)
+    metadata = whole / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace(
+        '- db3_plain_0.db3', '- db3_plain_0.db3\n    - db3_plain_1.db3'))
+    with pytest.raises(BagError, match=r'db3_plain_1\.db3; the others can be given as files$'):
+        read(whole)
+    assert counts(whole / 'db3_plain_0.db3')
+
+
 def test_a_recording_that_was_killed(tmp_path):
     """There is no metadata.yaml, and the last part was cut off."""
     *_, last = parts(tmp_path / 'killed')
@@ -253,6 +265,7 @@ def test_a_recording_of_rosbag2(name, logs):
         buffer = opened.read(headers=True, others=others, on_message=found.append)
         headers = {topic.name: topic.headers.count for topic in opened.topics
                    if topic.headers.count}
+        assert {topic.name: (topic.msgtype, topic.count) for topic in opened.topics} == topics
     counted = Counter(message.topic.name for message in found)
     assert counted | headers == {name: count for name, (_, count) in topics.items()}
     assert [*headers] == ['/joint_states']

@@ -726,6 +726,28 @@ def test_rows_in_a_gap_are_left_out(run, torn_bag, tmp_path):
     assert error.count('\n') == 1
 
 
+def test_rows_in_two_gaps(run, tmp_path):
+    """The longest gap is named; of the other rows, it is said that they are in others."""
+    messages = [message for message in bags.walk() if not (
+        104 * S + MS < message[1] < 107 * S or 108 * S + MS < message[1] < 109 * S + S // 2)]
+    bag = bag_of(tmp_path / 'two', [*messages, *(
+        ('/tf', 100 * S + i * S // 10, [bags.row(100 * S + i * S // 10, 'base_link', 'tool')])
+        for i in range(101))])
+    _, error = run('--bag', bag, 'odom', 'tool')
+    assert error.splitlines()[1:] == [
+        'tf_trajectory: 43 rows are interpolated over gaps without data: odom -> base_link has '
+        'none between +4.00 and +7.00 s, and 14 of the rows are in other gaps']
+
+
+def test_poses_of_a_bag_that_is_cut_off(failed, tmp_path, logs):
+    """With --partial, it is logged that something may be missing, also if nothing is found."""
+    path = bags.file_of(bags.make(tmp_path, 'mcap', bags.walk()))
+    path.write_bytes(path.read_bytes()[:-2000])
+    code, _ = failed(tf_trajectory.main, '--bag', str(path), '--partial', '--topic', '/odom')
+    assert code == 1
+    assert 'it ends too early' in ''.join(map(str, logs))
+
+
 def test_all_rows_are_in_a_gap(failed, torn_bag):
     """The error says so."""
     assert failed(tf_trajectory.main, '--bag', torn_bag, 'odom', 'tool', '--max-gap', '1',
