@@ -73,8 +73,9 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     if not 0 <= precision <= _MAX_DIGITS:
         raise UsageError(f'the precision must be from 0 to {_MAX_DIGITS} digits, got {precision}')
     if bag:
-        buffer = bag.read()
-        span = span_of(buffer.frames())
+        with bag.opened() as opened:
+            buffer = opened.read()
+        span = span_of(buffer.frames(), (opened.begin, opened.end))
         stamp = time.within(span)
         try:
             transform = buffer.lookup_transform(source_frame, target_frame, stamp)

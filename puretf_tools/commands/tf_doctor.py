@@ -176,7 +176,7 @@ def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Expla
 
     with option.opened() as bag:
         buffer = bag.read(on_message=add)
-    span = span_of(buffer.frames())
+    span = span_of(buffer.frames(), (bag.begin, bag.end))
     stamp = time_.within(span)
     explanation = explain(buffer, ends, stamp, observer.counted().publishers_by_child({}))
     if explanation.why_not:

@@ -84,7 +84,7 @@ def read_into(feed: BagFeed, bag: Bag) -> None:
     feed.done, feed.player.is_whole = 0.0, False
     observer = BagObserver()
     bag.read(headers=True, others=observer.wanted, on_message=observer.add, buffer=feed.buffer)
-    feed.done = None
+    feed.player.recorded, feed.done = (bag.begin, bag.end), None
     namespace = f'{namespace_path(bag.namespace)}/'
     feed.robots = {topic: each for topic, each in observer.robots.descriptions.items()
                    if topic.startswith(namespace)}

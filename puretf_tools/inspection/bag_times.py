@@ -6,21 +6,28 @@ from puretf import exact_time, Frame, SECOND
 
 #: Stamps that differ this much (ns) from the median are outliers.
 _FAR = 24 * 3600 * SECOND
+#: So are those that are this much (ns) before or after the recording, if no more than half are.
+_NEAR = 60 * SECOND
 
 
-def span_of(frames: Iterable[Frame]) -> tuple[int, int]:
+def span_of(frames: Iterable[Frame], recorded: tuple[int, int] = (0, 0)) -> tuple[int, int]:
     """
     Return the first and the last stamp (ns) of the dynamic frames of a bag, (1, 1) without one.
 
-    The stamps of a node that publishes before its clock is set can be wrong by years: they do not
-    count.
+    The stamps of a node that publishes before its clock is set, or with another clock, can be
+    wrong by years: they do not count.
+
+    :param recorded: when the first and the last message were recorded (ns); (0, 0): not known.
     """
     frames = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
-    begin = min(_without_outliers([frame.oldest for frame in frames]))
-    return begin, max(begin, *_without_outliers([frame.latest for frame in frames]))
+    begin = min(_without_outliers([frame.oldest for frame in frames], *recorded))
+    return begin, max(begin, *_without_outliers([frame.latest for frame in frames], *recorded))
 
 
-def _without_outliers(stamps: list[int]) -> list[int]:
+def _without_outliers(stamps: list[int], begin: int, end: int) -> list[int]:
+    near = [stamp for stamp in stamps if end and begin - _NEAR < stamp < end + _NEAR]
+    if near and 2 * len(near) >= len(stamps):
+        return near
     median = sorted(stamps)[len(stamps) // 2] if stamps else 0
     return [stamp for stamp in stamps if abs(stamp - median) < _FAR] or [1]
 

@@ -57,7 +57,8 @@ def read(bag: Bag, frames: Sequence[str], at: Optional[str] = None, topic: Optio
         buffer = bag.read(others=others, on_message=headers.add if at else None)
     stamps = headers.stamps(bag) if at else None
     target, source = frames if len(frames) > 1 else (headers.frame(), *frames)
-    return Recording(buffer, target, source, *span_of(buffer.frames()), stamps)
+    span = span_of(buffer.frames(), (bag.begin, bag.end))
+    return Recording(buffer, target, source, *span, stamps)
 
 
 class _Headers:

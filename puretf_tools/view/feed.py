@@ -32,12 +32,14 @@ class Player:
         self.time = 0  #: what is shown (ns)
         self._last = monotonic()
         self.speed = 1.0  #: how many times as fast as the recording it runs
+        #: When the first and the last message were recorded (ns); (0, 0): it is not known.
+        self.recorded: tuple[int, int] = (0, 0)
         self.is_whole = True  #: False while the bag is read: then the player waits at its end
         self.fit(frames)
 
     def fit(self, frames: Iterable[Frame]) -> None:
         """Begin and end with the dynamic frames of the bag."""
-        self.begin, self.end = span_of(frames)  #: ns
+        self.begin, self.end = span_of(frames, self.recorded)  #: ns
         self.seek(self.time)
 
     @property

@@ -66,6 +66,16 @@ def test_the_span_of_a_bag():
     assert span_of([]) == (1, 1)
 
 
+@pytest.mark.parametrize(('recorded', 'span'), [
+    ((BEGIN + S, END + S), (BEGIN, END)),
+    ((0, 0), (BEGIN - 1000 * S, END + 1000 * S)),
+    ((BEGIN + 10**6 * S, END + 10**6 * S), (BEGIN - 1000 * S, END + 1000 * S))])
+def test_stamps_of_another_clock_than_the_recording(recorded, span):
+    """They do not count if at least half of the stamps are of its clock; else all count."""
+    assert span_of([dynamic(BEGIN, END + 1000 * S), dynamic(BEGIN - 1000 * S, END)],
+                   recorded) == span
+
+
 @pytest.mark.parametrize(('time', 'text'), [
     (BEGIN + 12_340_000_000, '+12.34 s, 1760000012.340000000'),
     (BEGIN, '+0 s, 1760000000.000000000'),
