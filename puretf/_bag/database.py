@@ -1,6 +1,6 @@
 """The TF messages of a database of rosbag2; rosbags 0.11 refuses some, without definitions."""
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -26,11 +26,11 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
         for name, in database.execute(_NO_TABLES):
             raise ValueError(f'{name} is not a table of plain columns')
         topics = _topics(database, context)
-        wanted = ', '.join(str(key) for key, topic in topics.items() if topic.is_read)
+        read = {key: topic for key, topic in topics.items() if topic.is_read}
         ((first, last),) = database.execute('SELECT (SELECT min(timestamp) FROM messages), '
                                             '(SELECT max(timestamp) FROM messages)')
         query = ('SELECT topic_id, timestamp, CASE WHEN topic_id IN '
-                 f'({wanted}) THEN data END FROM messages')
+                 f'({", ".join(map(str, read))}) THEN data END FROM messages')
         in_order = f'{query} ORDER BY timestamp, id'
         # Without an index, SQLite would write all data to temporary files to sort them.
         plan = str([*database.execute(f'EXPLAIN QUERY PLAN {in_order}')])
@@ -39,15 +39,18 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
         if type(first) is type(last) is int:  # SQLite does not enforce the types
             span = last - first
             context.add_span(first, last)
-        counts: Counter[int] = Counter()
+        counts: defaultdict[Any, int] = defaultdict(int)
+        number, before, since = -1, None, 0  # counted when the topic changes, which is faster
         for number, (key, time, data) in enumerate(rows):
             time = time if type(time) is int else 0
             if number % ADVANCE == 0:
                 context.advance((time - first) / span if span else 0.0)
-            counts[key] += 1
-            if (topic := topics.get(key)) and topic.is_read and (record := context.record(
-                    topic, time, data if isinstance(data, bytes) else b'')):
+            if key != before:
+                counts[before], before, since = counts[before] + number - since, key, number
+            if key in read and (record := context.record(
+                    read[key], time, data if isinstance(data, bytes) else b'')):
                 yield record
+        counts[before] += number + 1 - since
         for key, topic in topics.items():
             topic.count += counts[key]
 
