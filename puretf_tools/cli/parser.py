@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from decimal import Context, Inexact, InvalidOperation
 from math import isfinite
 import os
 import re
@@ -10,13 +9,10 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
-from puretf import near_names, SECOND, visible
+from puretf import near_names, visible
 from puretf_tools.cli.errors import CommandError as CommandError
 from puretf_tools.cli.errors import UsageError as UsageError
 from puretf_tools.cli.signals import record_signals, signal_received
-
-#: Decimal arithmetic that raises an exception instead of rounding.
-_EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
 class Parser(argparse.ArgumentParser):
@@ -52,19 +48,6 @@ def number(text: str) -> float:
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not finite')
     return value
-
-
-def seconds(text: str) -> int:
-    """Convert an argument in s to a time in ns, from 0 to 2**63 - 1, without rounding."""
-    try:
-        time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
-        if not 0 <= time < 2**63 or time != int(time):
-            raise ValueError
-    except (ArithmeticError, ValueError):
-        raise argparse.ArgumentTypeError(
-            f'{text!r} must be a time in s, from 0 to 9223372036, with at most 9 digits after the '
-            'point') from None
-    return int(time)
 
 
 def run(parser: Parser, command: Callable[..., int],

@@ -2,15 +2,15 @@
 
 from argparse import ArgumentTypeError
 from datetime import datetime, timezone
-from decimal import Context, Decimal, Inexact
+from decimal import Context, Inexact, InvalidOperation
 import re
 from typing import NamedTuple
 
 from puretf import SECOND
 from puretf_tools.cli.errors import UsageError
 
-#: Products that are not exact raise an error.
-_EXACT = Context(prec=40, traps=[Inexact])
+#: Decimal arithmetic that raises an exception instead of rounding.
+_EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 _NUMBER = re.compile(r'([+-]?)(\d*\.?\d+|\d+\.)', re.ASCII)
 _DATE = re.compile(r'(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(\.\d+)?(Z|[+-]\d\d:\d\d)', re.ASCII)
 
@@ -67,8 +67,21 @@ def when(text: str) -> When:
         'the point')
 
 
+def seconds(text: str) -> int:
+    """Convert an argument in s to a time in ns, from 0 to 2**63 - 1, without rounding."""
+    try:
+        time = _nanoseconds(text.replace('_', '?'))
+        if time < 0:
+            raise ValueError
+    except (ArithmeticError, ValueError):
+        raise ArgumentTypeError(
+            f'{text!r} must be a time in s, from 0 to 9223372036, with at most 9 digits after the '
+            'point') from None
+    return time
+
+
 def _nanoseconds(text: str) -> int:
-    time = _EXACT.multiply(Decimal(text), SECOND)
-    if time != int(time) or not -2**63 < time < 2**63:
+    time = _EXACT.multiply(_EXACT.create_decimal(text), SECOND)
+    if not -2**63 < time < 2**63 or time != int(time):  # int(1e999999) would take minutes
         raise ValueError
     return int(time)

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from puretf import exact_time, SECOND, shortened, TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
-from puretf_tools.cli.parser import CommandError, number, Parser, run, seconds, UsageError
+from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
-from puretf_tools.cli.times import When, when
+from puretf_tools.cli.times import seconds, When, when
 from puretf_tools.inspection import gaps, recorded
 from puretf_tools.inspection.bag_times import both
 from puretf_tools.inspection.recorded import Recording
