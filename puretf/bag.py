@@ -174,7 +174,7 @@ class Bag:
         count = 0
         for topic, time, data in self._records(tf, headers, others, start, stop):
             count += topic.is_static is not None
-            yield BagMessage(topic, time if time < 2**63 else 0, data)
+            yield _message(topic, time, data)
         if tf:
             self._finish(count, accepts_wrong_types=headers)
         elif damage := self._context.damage:
@@ -313,13 +313,16 @@ def recordings(paths: Paths) -> list[list[Path]]:
     return [each.files or [each.path] for each in find_recordings(paths)]
 
 
+def _message(topic: Topic, time: int, data: bytes) -> BagMessage:
+    return BagMessage(topic, time if time < 2**63 else 0, data)
+
+
 def _passed_on(records: Iterable[Record], on_message: Optional[Callable[[BagMessage], object]]
                ) -> Iterator[Record]:
     """Pass messages on to a function; yield those of TF."""
     for record in records:
         if on_message:
-            topic, time, data = record
-            on_message(BagMessage(topic, time if time < 2**63 else 0, data))
+            on_message(_message(*record))
         if record[0].is_static is not None:
             yield record
 

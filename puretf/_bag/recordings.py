@@ -129,16 +129,15 @@ def resolved(recording: Recording, partial: bool) -> Recording:
             raise
         warning = f'{error}; reading {_names(files)}'
     missing = [path for path in files if not os.path.exists(path)]
-    if missing and (not partial or len(missing) == len(files)):
-        rest = [path for path in files if path not in missing]
+    rest = [path for path in files if path not in missing]
+    if missing and not (partial and rest):
         remedy = 'partial=True reads the others' if all('.mcap' in path.suffixes for path in rest
                                                         ) else 'the others can be given as files'
         raise BagError(f'{directory} cannot be read: files that its metadata.yaml lists are '
                        f'missing: {_names(missing)}{f"; {remedy}" * bool(rest)}')
     if missing:
         warning = f'{directory}: files that its metadata.yaml lists are missing: {_names(missing)}'
-    return Recording(directory, [path for path in files if path not in missing],
-                     files[0] if files[0] in missing else None, warning)
+    return Recording(directory, rest, files[0] if files[0] in missing else None, warning)
 
 
 def _listed(directory: Path) -> list[Path]:

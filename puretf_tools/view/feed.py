@@ -140,8 +140,7 @@ class BagFeed(Feed):
         with suppress(TransformException):
             for hole in holes_at(self.buffer, target, name, np.array([self.player.time])):
                 if hole:
-                    return (f'interpolated {hole.between(self.player.begin)}: {hole.edge} has no '
-                            'data there')
+                    return str(hole.interpolated(self.player.begin))
         return ''
 
     def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
