@@ -1,6 +1,6 @@
 """Controls of the panel, and the numbers that viewers send."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import isfinite
 from typing import Any, Optional
 
@@ -10,25 +10,46 @@ import viser
 NONE, AUTOMATIC = '(none)', '(automatic)'
 
 
-class FrameChoice:
+class Setting:
     """
-    A dropdown of frames; until a viewer chooses a frame, the program proposes one.
+    The value of a control that viewers and the program set.
 
-    The callback of the dropdown stores the choice at once, since `set_options` and `propose` can
-    overwrite the value of the dropdown.
+    viser stores what a viewer has set some time before it calls back. Meanwhile `show` must not
+    put the old value back, so it writes only what differs from what it knows.
     """
+
+    def __init__(self, control: Any, on_set: Callable[[Any], object]) -> None:
+        """Call a function with each value that a viewer sets."""
+        self._control, self._known, self._on_set = control, control.value, on_set
+        control.on_update(self._on_update)
+
+    async def _on_update(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None:
+            self._known = event.target.value
+            self._on_set(self._known)
+
+    def show(self, value: object) -> None:
+        """Set the value, as the program wants it."""
+        if value != self._known:
+            self._known = self._control.value = value
+
+    def set_options(self, options: tuple[str, ...]) -> None:
+        """Set the options of a dropdown; if its value is none of them, it becomes the first."""
+        if options != self._control.options:
+            self._control.options = options
+            self._known = self._control.value
+
+
+class FrameChoice:
+    """A dropdown of frames; until a viewer chooses a frame, the program proposes one."""
 
     def __init__(self, gui: viser.GuiApi, label: str, hint: str, none: str = NONE) -> None:
         """Add a dropdown, in which `none` stands before the frames."""
         self._none = none
         self._dropdown = gui.add_dropdown(label, (none,), hint=hint)
-        self._dropdown.on_update(self._on_update)
+        self._shown = Setting(self._dropdown, self.choose)
         self._chosen: Optional[str] = None
         self._proposal = ''
-
-    async def _on_update(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self.choose(event.target.value)
 
     @property
     def name(self) -> str:
@@ -46,14 +67,14 @@ class FrameChoice:
 
     def set_options(self, names: Iterable[str]) -> None:
         """Set the frames; the chosen one stays, since it may be published again."""
-        change(self._dropdown, options=(self._none, *sorted({*names, self.chosen} - {''})))
+        self._shown.set_options((self._none, *sorted({*names, self.chosen} - {''})))
 
     def propose(self, proposal: str) -> None:
         """Set the proposal, and show the frame that is chosen or proposed."""
         self._proposal = proposal
         shown = self.name or self._none
         if shown in self._dropdown.options:
-            change(self._dropdown, value=shown)
+            self._shown.show(shown)
 
 
 def change(handle: Any, **values: Any) -> None:

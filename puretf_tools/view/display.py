@@ -8,7 +8,7 @@ import viser
 
 from puretf import abbreviated, visible
 from puretf_tools.view.body import BodyDisplay
-from puretf_tools.view.controls import change, within
+from puretf_tools.view.controls import Setting, within
 from puretf_tools.view.details import STYLE
 from puretf_tools.view.rods import Display
 from puretf_tools.view.silent_frames import TIMEOUT
@@ -35,7 +35,7 @@ class DisplayPanel:
         self._size = gui.add_slider('Axis length (m)', *_SIZES, 0.02, 0.16)
         self._lines = gui.add_checkbox('Lines to parents', True)
         self._names = gui.add_checkbox('Show names', True)
-        self._names.on_update(self._on_names)
+        self._names_shown = Setting(self._names, self._choose_names)
         self._names_chosen: Optional[bool] = None
         self._grid = gui.add_checkbox('Grid', True)
         self._cell = gui.add_slider('Cell of the grid (m)', *_CELLS, 0.1, 0.5)
@@ -50,9 +50,8 @@ class DisplayPanel:
         if event.target.value in VIEWS:
             await self._look_from(event.target.value)
 
-    async def _on_names(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._names_chosen = bool(event.target.value)
+    def _choose_names(self, are_shown: bool) -> None:
+        self._names_chosen = are_shown
 
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
         configure(self._gui, bool(event.target.value))
@@ -65,12 +64,13 @@ class DisplayPanel:
 
     def show_names(self, are_few: bool) -> None:
         """Tick the checkbox for names if there are few, unless the viewer has used it."""
-        change(self._names, value=are_few if self._names_chosen is None else self._names_chosen)
+        self._names_shown.show(are_few if self._names_chosen is None else self._names_chosen)
 
     def display(self, hidden: frozenset[str]) -> Display:
         """Return what is to be drawn, without some frames."""
-        size = within(self._size.value, *_SIZES)
-        change(self._size, value=size)  # a viewer may have sent NaN, or another wrong number
+        size = within(value := self._size.value, *_SIZES)
+        if size != value:  # such as NaN, which a viewer has sent
+            self._size.value = size
         return Display(
             size, bool(self._axes.value), bool(self._lines.value), bool(self._names.value),
             within(self._cell.value, *_CELLS) if self._grid.value else 0.0,

@@ -10,7 +10,7 @@ import viser
 from puretf import is_too_long, shortened, suggest_names, Transform, visible
 from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
-from puretf_tools.view.controls import change, FrameChoice
+from puretf_tools.view.controls import change, FrameChoice, Setting
 from puretf_tools.view.details import command_line, copied, decimal, html
 from puretf_tools.view.hand_publisher import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
@@ -58,11 +58,10 @@ class HandFrame:
                  'order')
         for control in self._position, self._angles:
             control.on_update(self._on_numbers)
-        self._checkbox = gui.add_checkbox(
+        self._checkbox = Setting(gui.add_checkbox(
             'Publish', False, visible=publisher is not None,
             hint='publish the new frame on /tf_static. When you switch this off, programs that '
-                 'have received the frame keep it until they end')
-        self._checkbox.on_update(self._on_publish)
+                 'have received the frame keep it until they end'), self._on_publish)
         self._text = gui.add_html('')
         self._parent_node = scene.add_frame(HANDLES.rpartition('/')[0], show_axes=False)
         self._handles = scene.add_transform_controls(
@@ -74,12 +73,11 @@ class HandFrame:
             # What is typed letter by letter must not be published.
             self._is_on, self._name = False, name
 
-    async def _on_publish(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._is_on = event.target.value
-            if self._is_on and self._parent.name:
-                # The proposal may change, but the parent of a published frame must not.
-                self._parent.choose(self._parent.name)
+    def _on_publish(self, is_on: bool) -> None:
+        self._is_on = is_on
+        if is_on and self._parent.name:
+            # The proposal may change, but the parent of a published frame must not.
+            self._parent.choose(self._parent.name)
 
     async def _on_numbers(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -144,7 +142,7 @@ class HandFrame:
             self._refusal = transform.child_frame_id, transform.frame_id, why
         if not self._is_on:
             self.stop()
-        change(self._checkbox, value=self._is_on)
+        self._checkbox.show(self._is_on)
 
     def stop(self) -> None:
         """Stop publishing the frame."""

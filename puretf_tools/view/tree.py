@@ -11,7 +11,7 @@ import viser
 from puretf import LONGEST_NAME, shortened
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
-from puretf_tools.view.controls import change
+from puretf_tools.view.controls import change, Setting
 from puretf_tools.view.details import html
 from puretf_tools.view.placement import Placement
 
@@ -65,11 +65,12 @@ class Tree:
                                      'a part that matches it are shown; empty: all')
         self._exclude = gui.add_text('Exclude', '', hint='a regular expression: frames with a '
                                      'part that matches it are not shown')
-        self._show = gui.add_checkbox('Show the frame', True, hint='the selected one')
-        self._show_branch = gui.add_checkbox(
-            'Show its branch', True, hint='the selected frame and all below it')
-        self._show.on_update(partial(self._on_show, self._hidden))
-        self._show_branch.on_update(partial(self._on_show, self._hidden_branches))
+        self._show = Setting(
+            gui.add_checkbox('Show the frame', True, hint='the selected one'),
+            partial(self._on_show, self._hidden))
+        self._show_branch = Setting(
+            gui.add_checkbox('Show its branch', True, hint='the selected frame and all below it'),
+            partial(self._on_show, self._hidden_branches))
         self._status = gui.add_html('')
         self._turn = gui.add_button_group('Page', ('previous', 'next'))
         self._turn.on_click(self._on_turn)
@@ -86,12 +87,10 @@ class Tree:
                 filters.append(None)
         self._filters, self._next = filters, 0.0
 
-    async def _on_show(self, hidden: set[str], event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is None or not self._selected:
-            return
-        if event.target.value:
+    def _on_show(self, hidden: set[str], is_shown: bool) -> None:
+        if self._selected and is_shown:
             hidden.discard(self._selected)
-        else:
+        elif self._selected:
             hidden.add(self._selected)
         self._next = 0.0
 
@@ -134,7 +133,7 @@ class Tree:
             return
         self._next = now + _PERIOD
         for box, names in (self._show, self._hidden), (self._show_branch, self._hidden_branches):
-            change(box, value=selected not in names)
+            box.show(selected not in names)
         rows = [*self._tree(placement, selected, hidden)]
         pages = max(1, -(-len(rows) // _ROWS))
         for i, row in enumerate(rows):

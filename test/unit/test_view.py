@@ -30,6 +30,23 @@ def clock(monkeypatch):
     return now
 
 
+class HandPublisher:
+    """The names of the frames that are published by hand, and of those that are stopped."""
+
+    def __init__(self):
+        """Start with none."""
+        self.sent, self.stopped = [], []
+
+    def send(self, transform, _):
+        """Publish a frame."""
+        self.sent.append(transform.child_frame_id)
+        return ''
+
+    def stop(self, name):
+        """Stop publishing a frame."""
+        self.stopped.append(name)
+
+
 def arm(buffer, stamp, *names):
     """Insert a chain of frames, each 1 m along x from the one before it."""
     for parent, child in pairwise(names):
@@ -721,34 +738,61 @@ def test_each_viewer_has_settings_of_its_own(page):
     shown.update()
 
 
+def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
+    """The page may be updated between the setting of a value and the call of its callback."""
+    import viser
+    done = []
+
+    def before(add):
+        def with_update(*args, **kwargs):
+            async def update(event):
+                if event.client_id is not None:
+                    shown.update()
+                    done.append(event.target.label)
+
+            control = add(*args, **kwargs)
+            control.on_update(update)  # the first callback
+            return control
+        return with_update
+
+    for name in 'add_checkbox', 'add_dropdown', 'add_slider':
+        monkeypatch.setattr(viser.GuiApi, name, before(getattr(viser.GuiApi, name)))
+    buffer, publisher = TransformBuffer(), HandPublisher()
+    arm(buffer, T, 'map', 'base')
+    feed = live(buffer)
+    feed.hand_publisher = publisher
+    shown = page(feed)
+    viewer = shown.viewer
+    shown.set('New frame', 'hand')
+    values = {'Frame': 'map', 'Fixed frame': 'base', 'Show names': False, 'Show the frame': False,
+              'Axis length (m)': 1.0, 'Publish': True}
+    for label, value in values.items():
+        viewer.set(label, value)
+        viewer.until(lambda: label in done)  # noqa: B023
+    shown.until(lambda: publisher.sent == ['hand'])
+    assert viewer.value('Publish')
+    shown.set('New frame', 'other')
+    shown.until(lambda: not viewer.value('Publish'))  # what was sent before has arrived, too
+    assert {label: viewer.value(label) for label in values} == {**values, 'Publish': False}
+
+
 def test_a_viewer_that_leaves_publishes_no_more(page):
     """The frame placed by hand is stopped."""
     from viewer import Viewer
-
-    class Publisher:
-        sent, stopped = [], []
-
-        def send(self, transform, owner):
-            self.sent.append(transform.child_frame_id)
-            return ''
-
-        def stop(self, name):
-            self.stopped.append(name)
-
-    buffer = TransformBuffer()
+    buffer, publisher = TransformBuffer(), HandPublisher()
     arm(buffer, T, 'map', 'base')
     feed = live(buffer)
-    feed.hand_publisher = Publisher()
+    feed.hand_publisher = publisher
     shown = page(feed)
     other = Viewer(shown.server.get_port())
     other.until(lambda: 'New frame' in {
         props.get('label') for props in other.gui.values()}, shown.update)
     other.set('New frame', 'hand')
     other.set('Publish', True)
-    other.until(lambda: Publisher.sent == ['hand'], shown.update)
-    assert not Publisher.stopped
+    other.until(lambda: publisher.sent == ['hand'], shown.update)
+    assert not publisher.stopped
     other.close()
-    shown.until(lambda: Publisher.stopped == ['hand'])
+    shown.until(lambda: publisher.stopped == ['hand'])
 
 
 def test_a_live_page_looks_back(page):
