@@ -96,7 +96,7 @@ def _open_mcap(path: Path, max_bytes: int) -> Optional[McapReader]:
 
 
 def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[Record]:
-    topics = {}
+    topics, wanted = {}, []
     for connection in reader.connections:
         ext, count = connection.ext, connection.msgcount
         about = connection.topic, connection.msgtype, connection.msgdef.data
@@ -105,19 +105,19 @@ def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[
             kind == '.bag') else context.add_topic(*about, ext.serialization_format, [
                 qos.durability.name for qos in ext.offered_qos_profiles], count=count)
         if topic.is_read:
-            topics[connection.id] = connection, topic
+            topics[connection.id] = topic
+            wanted.append(connection)
     if any(connection.msgcount for connection in reader.connections):
         context.add_span(*(reader.start_time, reader.end_time - 1) if kind == '.bag' else (
             reader.statistics.start_time, reader.statistics.end_time))
-    wanted = [connection for connection, _ in topics.values()]
     if kind == '.mcap':
         _check_sizes(reader, topics.keys(), context.max_bytes)
     number, total = 0, sum(connection.msgcount for connection in wanted)
-    for connection, time, data in reader.messages(wanted) if wanted else ():
-        if number % ADVANCE == 0:
+    messages = reader.messages(wanted) if wanted else ()
+    for number, (connection, time, data) in enumerate(messages, 1):
+        if number % ADVANCE == 1:
             context.advance(min(1.0, number / total))
-        number += 1
-        if record := context.record(topics[connection.id][1], time, data):
+        if record := context.record(topics[connection.id], time, data):
             yield record
     if number != total:
         raise ValueError(f'its index announces {total} messages, but {number} were found')
