@@ -1,19 +1,24 @@
 """The cost of showing frames in the browser."""
 
 from collections.abc import Iterator
+from pathlib import Path
 import shutil
 import subprocess
 import sys
-from time import sleep
+from tempfile import TemporaryDirectory
+from time import perf_counter, sleep
 
 from listening import play
 from measure import best, cpu_seconds, Row
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser, Playwright, sync_playwright
+import reading
 
-from puretf import TransformBuffer
+from puretf import bag, TransformBuffer
 
 FRAMES, RATE = 500, 100.0
 SECONDS = 10.0
+CHROMIUM = shutil.which('chromium')
+CODE = 'import sys, puretf_tools.entry_points as e; sys.exit(e.web_view())'
 
 
 def placing() -> Iterator[Row]:
@@ -37,23 +42,55 @@ def load(process: 'subprocess.Popen[str]') -> float:
     return (cpu_seconds(process.pid) - before) / SECONDS
 
 
+def browser_of(playwright: Playwright) -> Browser:
+    """Start a browser that draws without a GPU."""
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=[
+        '--no-sandbox', '--disable-background-networking', '--use-gl=angle',
+        '--use-angle=swiftshader', '--enable-unsafe-swiftshader'])
+
+
+def opening() -> Iterator[Row]:
+    """Measure the time from the start of `web_view --bag` to the first frames in the browser."""
+    if CHROMIUM is None:
+        return
+    seconds, hertz, frames = 500, 1000, 20
+    for others in 0, 40:
+        with (TemporaryDirectory() as directory, sync_playwright() as playwright,
+              browser_of(playwright) as browser):
+            path = Path(directory, 'bench.mcap')
+            reading.write(path, 'mcap', frames, seconds * hertz, hertz, others)
+            page, rounds = browser.new_page(), []
+            for _ in range(1):
+                begin = perf_counter()
+                bag.read(path)
+                read = perf_counter() - begin
+                begin = perf_counter()
+                with subprocess.Popen([sys.executable, '-u', '-c', CODE, '--bag', str(path)],
+                                      stdout=subprocess.PIPE, text=True) as view:
+                    assert view.stdout is not None
+                    page.goto(view.stdout.readline().split()[-1])
+                    page.wait_for_selector('[data-value=rate]', timeout=60e3)
+                    rounds.append((perf_counter() - begin, read))
+                    view.terminate()
+            shown, read = sorted(rounds)[len(rounds) // 2]
+        yield (f'web_view --bag, {seconds} s at {hertz} Hz, {frames} frames'
+               + f', {others} topics with headers' * bool(others) + ', until frames are shown',
+               f'{shown:.2f} s', '', f'{shown / read:.2f} of reading it')
+
+
 def showing() -> Iterator[Row]:
     """Measure the process of web_view, without and with a viewer."""
-    chromium = shutil.which('chromium')
-    if chromium is None:
+    if CHROMIUM is None:
         yield ('web_view', 'not measured', '', 'there is no chromium')
         return
-    code = 'import sys, puretf_tools.entry_points as e; sys.exit(e.web_view())'
     with (play('send', 'tf', str(RATE), str(FRAMES), '100') as sender,
-          subprocess.Popen([sys.executable, '-u', '-c', code], stdout=subprocess.PIPE, text=True
+          subprocess.Popen([sys.executable, '-u', '-c', CODE], stdout=subprocess.PIPE, text=True
                            ) as view, sync_playwright() as playwright):
         assert view.stdout is not None
         url = view.stdout.readline().split()[-1]
         sleep(3.0)
         alone = load(view)
-        browser = playwright.chromium.launch(executable_path=chromium, args=[
-            '--no-sandbox', '--disable-background-networking', '--use-gl=angle',
-            '--use-angle=swiftshader', '--enable-unsafe-swiftshader'])
+        browser = browser_of(playwright)
         page = browser.new_page()
         page.goto(url)
         page.wait_for_selector('[data-value=rate]', timeout=60e3)

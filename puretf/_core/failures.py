@@ -103,7 +103,7 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
         tree.cache_time, history.start > 0, history.authority,
         monotonic_ns() - history.arrival, history.repeated, history.refused,
         history.refused_stamp, history.refused_authority,
-        history.refused > 0 and history.refusal == history.arrival, tree.takes_ns), time)
+        history.is_refusing, tree.takes_ns), time)
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END

@@ -28,6 +28,10 @@ class Frame(NamedTuple):
     length: int  #: the number of samples; 1 if the frame is static
     latest: int  #: the newest stamp (ns); 0 if the frame is static
     oldest: int  #: the oldest stamp (ns); 0 if the frame is static
+    #: The stamp (ns) of the transform that arrived last, even if it was older than the buffer
+    #: keeps them; 0 if the frame is static.
+    arrived: int = 0
+    sender: str = ''  #: the publisher of that transform
 
     @property
     def rate(self) -> float:

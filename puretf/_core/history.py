@@ -20,8 +20,9 @@ _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
 
 #: The state of a frame: its newest parent, the publisher of the sample that was inserted last,
-#: whether the frame is static, the number of samples, the newest stamp and the oldest stamp (ns).
-State = tuple[str, str, bool, int, int, int]
+#: whether the frame is static, the number of samples, the newest stamp, the oldest stamp, and the
+#: stamp (ns) and the publisher of the transform that arrived last.
+State = tuple[str, str, bool, int, int, int, int, str]
 
 
 class NoPose(LookupError):
@@ -70,10 +71,10 @@ class History:
     keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
     parents that occurred only in samples that have been dropped.
 
-    `arrival` is the monotonic time (ns) at which the last transform arrived, also if it was not
-    inserted: `repeated` transforms were in the history already, and `refused` ones were too old.
-    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher, and
-    `refusal` its time of arrival.
+    `arrived` is the stamp (ns) of the last transform that arrived, and `arrival` the monotonic
+    time (ns) at which it did, also if it was not inserted: `repeated` transforms were in the
+    history already, and `refused` ones were too old. `refused_stamp` is the stamp (ns) of the last
+    of these, `refused_authority` its publisher, and `refusal` its time of arrival.
     """
 
     is_static = False
@@ -87,7 +88,8 @@ class History:
         self.only_parent = ''
         self.parents: Optional[list[str]] = None
         self.all_parents: dict[str, None] = {}
-        self.arrival = self.repeated = self.refused = self.refused_stamp = self.refusal = 0
+        self.arrived = self.arrival = self.repeated = 0
+        self.refused = self.refused_stamp = self.refusal = 0
         self.refused_authority = ''
 
     def __len__(self) -> int:
@@ -97,6 +99,11 @@ class History:
     def latest(self) -> int:
         """The newest stamp (ns); 0 if there are no samples."""
         return self.stamps[-1] if self.stamps else 0
+
+    @property
+    def is_refusing(self) -> bool:
+        """Whether the last transform that arrived was too old."""
+        return self.refused > 0 and self.refusal == self.arrival
 
     @property
     def oldest(self) -> int:
@@ -109,7 +116,8 @@ class History:
         except NoPose:
             return None
         return (self.parent_of(newest), self.authority, False, newest - self.start + 1,
-                self.stamps[newest], self.oldest)
+                self.stamps[newest], self.oldest, self.arrived,
+                self.refused_authority if self.is_refusing else self.authority)
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
@@ -120,7 +128,7 @@ class History:
         own_stamps = self.stamps
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
             return False
-        self.authority = authority
+        self.authority, self.arrived = authority, stamps[-1]
         # Drop the samples that would be dropped if `insert` were called for each new sample.
         # `insert` drops the expired samples before it adds the new sample. So in the last call,
         # `insert` would count the cache time back from the second last stamp.
@@ -139,7 +147,7 @@ class History:
         `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the last is replaced. Return False if
         the sample is older than the cache time allows.
         """
-        stamps = self.stamps
+        stamps, self.arrived = self.stamps, stamp
         position = len(stamps)
         if position:
             earliest = stamps[-1] - self.cache_time
@@ -330,7 +338,7 @@ class StaticHistory:
         return (self.only_parent,)
 
     def state(self, until: int) -> State:
-        return self.only_parent, self.authority, True, 1, 0, 0
+        return self.only_parent, self.authority, True, 1, 0, 0, 0, self.authority
 
     def pose_at(self, time: int) -> Pose:
         return self.pose

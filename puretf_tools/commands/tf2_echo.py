@@ -108,7 +108,12 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
             while monotonic() < next_log and not buffer.can_transform(
                     source_frame, target_frame, Time(nanoseconds=time)):
                 sleep(_LOOKUP_PERIOD)
+        told = ''
         while True:
+            before, told = told, frame_listener.time_hint()
+            if told not in ('', before):
+                print(visible(told))
+                sleep(_LOOKUP_PERIOD)  # until the next transforms arrive
             try:
                 print(format_transform(Transform.from_message(buffer.lookup_transform(
                     source_frame, target_frame, Time(nanoseconds=time))), precision))

@@ -100,7 +100,8 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
         if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
             raise CommandError(f'no transform was received within {discovery:g} s. '
                                f'{frame_listener.why_nothing()}')
-        wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
+        wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}',
+             lambda: frame_listener.time_hint() and False)
         now, frames = frame_listener.now(), frame_listener.frames()
         if hint := frame_listener.topics_hint():
             print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)

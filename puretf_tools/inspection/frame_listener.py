@@ -8,6 +8,7 @@ from rclpy.node import Node
 from puretf import Buffer
 from puretf.publisher_listener import PublisherListener
 from puretf_tools.inspection.terminal import Once
+from puretf_tools.inspection.time_watch import TimeWatch
 
 
 class FrameListener(PublisherListener):
@@ -18,6 +19,15 @@ class FrameListener(PublisherListener):
         super().__init__(Buffer(Duration(seconds=seconds), node), node)
         #: The names of the topics of static and of dynamic transforms, after remapping.
         self.topics = [each.topic_name for each in self.subscriptions]
+        self._time_watch = TimeWatch(self)
+
+    def time_hint(self) -> str:
+        """Clear the buffer if time goes back, and say so: see `TimeWatch.follow`."""
+        return self._time_watch.follow()
+
+    def topics_hint(self) -> str:
+        """Return why transforms may not arrive; '' if there is no sign of it. See `time_hint`."""
+        return self.time_hint() or super().topics_hint()
 
     def now(self) -> int:
         """Return the time of the node (ns); 0 if it waits for /clock, as use_sim_time is set."""

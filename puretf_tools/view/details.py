@@ -35,8 +35,8 @@ def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
     if placement.names and hint:
         lines.append(_text(hint))
     if timed_out:
-        lines.append(f'not shown, because no new transform has arrived for {timeout:g} s on the '
-                     f'path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
+        lines.append(f'not shown, because no transform with a newer stamp has arrived for '
+                     f'{timeout:g} s on the path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
     if placement.gone:
         lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
                      'update for a minute: not shown')

@@ -102,8 +102,11 @@ class Feed:
         return ''
 
     def topics_hint(self) -> str:
-        """Return which publishers have a wrong type, and which other topics have transforms."""
+        """Return why transforms may not arrive, or that time has gone back; '' if neither."""
         return ''
+
+    def reset(self) -> None:
+        """Forget all dynamic transforms, if they are live."""
 
     def why_no_frames(self) -> str:
         """Return the likely reason that there are no frames."""
@@ -188,6 +191,9 @@ class LiveFeed(Feed):
 
     def topics_hint(self) -> str:
         return self._frame_listener.topics_hint()
+
+    def reset(self) -> None:
+        self.buffer.clear()
 
     def why_no_frames(self) -> str:
         return self._frame_listener.why_nothing()

@@ -44,11 +44,13 @@ class Panel:
                                         disabled=True,
                                         hint='shows an earlier time while the page is paused')
             self._pause.on_update(self._on_pause)
+            gui.add_button('Reset', hint='forgets all transforms but the static ones, such as '
+                           'those of before a jump in time').on_click(self._on_reset)
         self.fixed = FrameChoice(
             gui, 'Fixed frame', 'the frame in which the others are shown', AUTOMATIC)
         button = gui.add_button('Focus on all frames')
         button.on_click(partial(self._on_focus, 'all'))
-        self._look_from = look_from
+        self._look_from, self._feed = look_from, feed
         tabs = gui.add_tab_group()
         self._gui, self._tabs, self._joint_controls = gui, tabs, feed.joint_controls
         #: None until there is a description of a robot.
@@ -71,6 +73,9 @@ class Panel:
             self.pair = Pair(gui, feed.buffer, feed.time_text)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
+
+    async def _on_reset(self, _: 'viser.GuiEvent[Any]') -> None:
+        self._feed.reset()
 
     async def _on_focus(self, view: str, event: 'viser.GuiEvent[Any]') -> None:
         await self._look_from(view)

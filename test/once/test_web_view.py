@@ -1,9 +1,14 @@
 """The page of web_view in a real browser: the body of the arm, and a file without a server."""
 
+import time
+
 import imageio.v3 as iio
 import numpy as np
 from processes import ARM, tool
 import pytest
+from ros_node import stamped
+
+from puretf import TransformBroadcaster
 
 pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
 from browser import pages
@@ -86,3 +91,36 @@ def test_a_time_of_a_bag_in_a_browser(start, tmp_path):
         page.until(lambda: page.page.inner_text('[data-text="problem"]').endswith(
             'outside of the bag, whose transforms are from 100.000000000 to +10 s, 110.000000000'))
         page.page.screenshot(path=tmp_path / 'web_view_bag.png')
+
+
+def test_time_that_goes_back_in_a_browser(ros, start, tmp_path):
+    """The page begins again by itself if a publisher goes back, or by the button Reset."""
+    offsets, broadcaster = {'hand': 0.0, 'tool': 0.0}, TransformBroadcaster(ros.node)
+
+    def send():
+        now = time.monotonic()
+        broadcaster.sendTransform([
+            stamped('map', frame, 10**18 + round((now + offset) * 1e9), 2.0 * i + np.sin(now))
+            for i, (frame, offset) in enumerate(offsets.items())])
+
+    ros.node.create_timer(0.02, send)
+    view = start(*tool('web_view'), domain=ros.domain)
+    with ros.spinning(), pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1])
+
+        def moves():
+            before = page.scene_with('hand', 'tool').names
+            page.until(lambda: all(np.linalg.norm(
+                page.scene().names[frame] - before[frame]) > 0.1 for frame in ('hand', 'tool')))
+
+        moves()
+        offsets.update(hand=-130.0, tool=-130.0)
+        cause = 'transforms arrive from /test, but their time went back by 130 s'
+        page.until(lambda: cause in page.overview())
+        page.page.screenshot(path=tmp_path / 'time_went_back.png')
+        moves()
+        page.until(lambda: 'went back' not in page.overview())
+        offsets['tool'] = -160.0  # only a part of what the node publishes
+        page.until(lambda: 'their time went back by 30 s' in page.overview())
+        page.button('Reset')
+        moves()

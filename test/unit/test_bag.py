@@ -73,8 +73,8 @@ def test_every_kind_gives_the_same(tmp_path, logs, kind):
     for partial in modes(kind):
         buffer = read(path, partial=partial)
         assert [tuple(frame) for frame in buffer.frames()] == [
-            ('odom', 'map', publisher, True, 1, 0, 0),
-            ('base_link', 'odom', publisher, False, 101, 110 * S, 100 * S)]
+            ('odom', 'map', publisher, True, 1, 0, 0, 0, publisher),
+            ('base_link', 'odom', publisher, False, 101, 110 * S, 100 * S, 110 * S, publisher)]
         assert buffer.lookup_transform('map', 'base_link', 105 * S + S // 20).translation == (
             pytest.approx((6.05, 2.0, 3.0)))
         assert [(message.is_static, message.time, message.rows(), message.publisher)

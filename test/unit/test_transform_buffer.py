@@ -92,7 +92,8 @@ def test_expires_after_the_cache_time():
     with pytest.raises(ExtrapolationException, match='into the past'):
         x_at(buffer, 'a', 'b', T)
     assert not put(buffer, 'a', 'b', T + 3 * S - 1)
-    assert [(frame.oldest, frame.length) for frame in buffer.frames()] == [(T + 3 * S, 2)]
+    assert [(frame.oldest, frame.length, frame.latest, frame.arrived)
+            for frame in buffer.frames()] == [(T + 3 * S, 2, T + 5 * S, T + 3 * S - 1)]
 
 
 def test_a_long_stream_is_that_of_the_model():
