@@ -11,9 +11,9 @@ import viser
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description, Rgba, Shape
 from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.axes import Display, rounded
 from puretf_tools.view.meshes import Mesh, Meshes
 from puretf_tools.view.placement import Placement, REACH
-from puretf_tools.view.rods import Display
 
 #: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
 MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
@@ -103,7 +103,7 @@ class Body:
             return
         self._set_opacity(body.opacity)
         self._left = self.at_a_time
-        rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
+        rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
         shown = display.shown(placement)
         poses = {name: row for name, row in zip(placement.names, rows) if name in shown}
         for robot in self._robots.values():

@@ -7,10 +7,10 @@ from typing import Any, Optional
 import viser
 
 from puretf import abbreviated, visible
+from puretf_tools.view.axes import Display
 from puretf_tools.view.body import BodyDisplay
 from puretf_tools.view.controls import Setting, within
 from puretf_tools.view.details import STYLE
-from puretf_tools.view.rods import Display
 from puretf_tools.view.silent_frames import TIMEOUT
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).

@@ -5,16 +5,13 @@ from socket import create_server
 import sys
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from puretf_tools.view.axes import Display
 from puretf_tools.view.body import BodyDisplay, mesh_files
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import FrameWatcher, Placement
-from puretf_tools.view.rods import Display
 from puretf_tools.view.scene import look_at, NAMES_AT_ONCE, Scene
-from puretf_tools.view.view import Trail
+from puretf_tools.view.trail import Pieces, Trail
 from puretf_tools.view.viser_private import Server
 
 #: The time between two moments of a recording (s).
@@ -24,7 +21,7 @@ PERIOD = 0.05
 class _Moment(NamedTuple):
     time: float  #: s
     placement: Placement
-    trail: NDArray[np.float64]  #: (m, 2, 3), see `Trail`
+    trail: Pieces
 
 
 class Recording:
@@ -51,7 +48,7 @@ class Recording:
         placement = self._watcher.placement('', until)
         if placement.names:
             self.moments.append(_Moment(
-                time, placement, self._trail.lines(placement, placement.deepest, Display())))
+                time, placement, self._trail.pieces(placement, placement.deepest, Display())))
 
     def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
         """

@@ -8,16 +8,17 @@ from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
-import trimesh
 import viser
 
 from puretf import comma_list, shortened
 from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.axes import Axes, axes, Display, Lines, lines, rounded
 from puretf_tools.view.body import Body, BodyDisplay
 from puretf_tools.view.display import VIEWS
+from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
-from puretf_tools.view.rods import Display, Rods, rods
+from puretf_tools.view.trail import Pieces
 
 #: One update moves at most this many names; the next update moves the next ones.
 NAMES_AT_ONCE = 50
@@ -26,7 +27,8 @@ _LONGEST_NAME = 40  # characters
 _LETTER, _HALF_LINE = 7.0, 10.0
 #: The number of names in the text of a label that several frames at one place share.
 _SHARED_NAMES = 2
-_SIDES = 8  # of a cylinder
+_AXIS_RADIUS = 0.05  # of an axis, as a fraction of its length
+_LINE_WIDTH = 2.0  # pixels, of a line to the parent
 _CELLS = 20  # the number of cells along each side of the grid
 _LIGHT_GRID, _DARK_GRID = (215, 215, 215), (70, 70, 70)
 _TRAIL_WIDTH = 3.0  # pixels
@@ -62,26 +64,29 @@ class Scene:
         self._scene, self._owner = owner.scene, owner
         self._grid: Optional[viser.LineSegmentsHandle] = None
         self._shown_grid = 0.0, False  # its cell (m), and whether it is dark
-        self._rods: Optional[viser.BatchedMeshHandle] = None
-        self._trail: Optional[viser.LineSegmentsHandle] = None
+        self._axes: Optional[viser.BatchedAxesHandle] = None
+        self._lines: Optional[viser.LineSegmentsHandle] = None
+        #: By the number of its piece: the newest number when it was coloured, its lines.
+        self._trail: dict[int, tuple[int, NDArray[np.float64], viser.LineSegmentsHandle]] = {}
         #: By the name of their frame: the labels, of which some are not visible. None is used for
         #: another frame: a slow browser would show it with the old text for a moment.
         self._labels: dict[str, viser.LabelHandle] = {}
         self._label_count = self._next_label = 0
-        #: In the order of the rods, so that `_click` finds the frame of a rod.
+        #: In the order of the axes, so that `_click` finds the frame.
         self._frame_names: list[str] = []
         #: The frame that was clicked last, until somebody takes it.
         self.clicks: deque[str] = deque(maxlen=1)
         self.body = Body(self._scene, meshes, self.clicks.append)
 
     def show(self, placement: Placement, display: Display, selected: str,
-             trail: NDArray[np.float64], descriptions: Mapping[str, DescriptionOrWhy],
+             trail: Pieces, descriptions: Mapping[str, DescriptionOrWhy],
              body: BodyDisplay) -> None:
-        """Show frames, a trail of lines (m, 2, 3): x, y, z (m), and the bodies of robots."""
+        """Show frames, a trail, and the bodies of robots."""
         with self._owner.atomic():
             self._frame_names = placement.names
             self._show_grid(display.cell, display.is_dark)
-            self._show_rods(rods(placement, display, selected))
+            self._show_axes(axes(placement, display, selected), display.size, display.with_axes)
+            self._show_lines(lines(placement, display), display.with_lines)
             self._show_names(placement, display, selected)
             self._show_trail(trail)
             self.body.show(descriptions, placement, display, body)
@@ -96,25 +101,33 @@ class Scene:
             '/grid', _grid(cell), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
             thickness_units='screen') if cell else None
 
-    def _show_rods(self, new: Rods) -> None:
+    def _show_axes(self, new: Axes, size: float, are_visible: bool) -> None:
         if not len(new.positions):
-            if self._rods is not None:
-                self._rods.visible = False
+            if self._axes is not None:
+                self._axes.visible = False
             return
-        if self._rods is None:
-            cylinder = trimesh.creation.cylinder(1.0, segment=[[0, 0, 0], [0, 0, 1]],
-                                                 sections=_SIDES)
-            self._rods = self._scene.add_batched_meshes_simple(
-                '/frames', cylinder.vertices, cylinder.faces, new.wxyzs, new.positions,
-                batched_scales=new.scales, batched_colors=new.colors, lod='off',
-                cast_shadow=False, receive_shadow=False)
-            self._rods.on_click(self._click)
-            return
+        if self._axes is None:
+            self._axes = self._scene.add_batched_axes(
+                '/frames', new.wxyzs, new.positions, new.scales, axes_length=size,
+                axes_radius=size * _AXIS_RADIUS)
+            self._axes.on_click(self._click)
         for name, values in new._asdict().items():
-            setattr(self._rods, f'batched_{name}', values)
-        self._rods.visible = True
+            setattr(self._axes, f'batched_{name}', values.astype(np.float32))
+        self._axes.axes_length, self._axes.axes_radius = size, size * _AXIS_RADIUS
+        self._axes.visible = are_visible
 
-    async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
+    def _show_lines(self, new: Lines, are_visible: bool) -> None:
+        if not len(new.points):
+            if self._lines is not None:
+                self._lines.visible = False
+            return
+        if self._lines is None:
+            self._lines = self._scene.add_line_segments(
+                '/lines', new.points, new.colors, thickness=_LINE_WIDTH, thickness_units='screen')
+        self._lines.points, self._lines.colors = new.points.astype(np.float32), new.colors
+        self._lines.visible = are_visible
+
+    async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedAxesHandle]') -> None:
         names = self._frame_names
         if isinstance(event.instance_index, int) and names:
             self.clicks.append(names[event.instance_index % len(names)])
@@ -122,7 +135,7 @@ class Scene:
     def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
         texts = _texts(placement, display) if display.with_names else []
         shown = {name: (text, position) for name, text, position in zip(
-            placement.names, texts, placement.points) if text}
+            placement.names, texts, rounded(placement.points)) if text}
         if isinstance(self._owner, viser.ClientHandle):
             # Names that are shown stay, so that they do not flicker.
             first = [selected, *(name for name, label in self._labels.items() if label.visible)]
@@ -147,20 +160,25 @@ class Scene:
             self._labels[name].position = shown[name][1]
         self._next_label = begin + NAMES_AT_ONCE
 
-    def _show_trail(self, lines: NDArray[np.float64]) -> None:
-        if not len(lines):
-            if self._trail is not None:
-                self._trail.visible = False
-            return
-        age = np.linspace(0.0, 1.0, len(lines) + 1)[:, None]
-        along = _TRAIL_FADED + age * (np.array(_TRAIL_COLOUR) - _TRAIL_FADED)
-        colours = np.stack([along[:-1], along[1:]], axis=1).astype(np.uint8)
-        if self._trail is None:
-            self._trail = self._scene.add_line_segments(
-                '/trail', lines, colours, thickness=_TRAIL_WIDTH, thickness_units='screen')
-            return
-        self._trail.points, self._trail.colors = lines, colours
-        self._trail.visible = True
+    def _show_trail(self, trail: Pieces) -> None:
+        for number in self._trail.keys() - trail.keys():
+            self._trail.pop(number)[2].remove()
+        newest = max(trail, default=0)
+        for number, new in trail.items():
+            coloured, before, piece = self._trail.get(number, (0, new, None))
+            if piece and coloured == newest and np.array_equal(before, new):
+                continue
+            age = min(1.0, (newest - number) / LENGTH)
+            colours = np.broadcast_to(np.round(
+                _TRAIL_COLOUR + age * (np.array(_TRAIL_FADED) - _TRAIL_COLOUR)
+            ).astype(np.uint8), new.shape)
+            if piece:
+                piece.points, piece.colors = new, colours
+            else:
+                piece = self._scene.add_line_segments(
+                    f'/trail/{number}', new, colours, thickness=_TRAIL_WIDTH,
+                    thickness_units='screen')
+            self._trail[number] = newest, new, piece
 
 
 def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],

@@ -5,80 +5,26 @@ from time import monotonic
 from typing import Any, Optional
 
 import numpy as np
-from numpy.typing import NDArray
 import viser
 
 from puretf import SECOND
 from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.view.axes import Display
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
-from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
+from puretf_tools.view.feed import BagFeed, Feed
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.panel import Panel, SETTLING
-from puretf_tools.view.placement import FrameWatcher, Placement, within_reach
+from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
-from puretf_tools.view.rods import Display
 from puretf_tools.view.scene import look_at, Scene
+from puretf_tools.view.trail import Trail
 from puretf_tools.view.viser_private import Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
 #: The time between two updates of the hint at other topics (s).
 _HINT_PERIOD = 1.0
-#: The time between two points of a trail (ns).
-_TRAIL_STEP = SECOND // 20
-#: If a gap in the trail is longer than this (ns), it is filled with points from the buffer.
-_TRAIL_GAP = 4 * _TRAIL_STEP
-
-
-class Trail:
-    """The recent path of a frame; each call of `draw` can add points to it."""
-
-    def __init__(self, buffer: AnyBuffer) -> None:
-        self._buffer = buffer
-        self._restart('', '')
-
-    def _restart(self, target: str, frame: str) -> None:
-        self._frames = target, frame
-        self._times = np.empty(0, np.int64)
-        self._points = np.empty((0, 3))
-
-    def draw(self, target: str, frame: str, end: int, point: NDArray[np.float64]
-             ) -> NDArray[np.float64]:
-        """
-        Return the lines of the path over the last `LENGTH` seconds, the oldest first.
-
-        :param point: (3,): the position at the time `end` (ns), x, y, z (m).
-        :returns: (m, 2, 3): start and end of each line, x, y, z (m), none at unknown times.
-        """
-        first = max(1, end - LENGTH * SECOND)
-        last = max(self._times[-1:].tolist(), default=first)
-        # If the last point is later than `end`, time was set back.
-        if self._frames != (target, frame) or last > max(end, first):
-            self._restart(target, frame)
-            last = first
-        if end - last > _TRAIL_GAP:
-            times = np.arange(max(first, last + 1), end, _TRAIL_STEP, dtype=np.int64)
-            points, _, _ = self._buffer.lookup_transforms(target, frame, times)
-            self._times = np.append(self._times, times)
-            self._points = np.concatenate([self._points, points])
-        elif end - last >= _TRAIL_STEP:
-            self._times = np.append(self._times, end)
-            self._points = np.concatenate([self._points, [point]])
-        kept = self._times >= first
-        self._times, self._points = self._times[kept], self._points[kept]
-        points = np.concatenate([self._points, [point]])
-        lines = np.stack([points[:-1], points[1:]], axis=1)
-        return lines[np.isfinite(lines).all(axis=(1, 2))]
-
-    def lines(self, placement: Placement, name: str, display: Display) -> NDArray[np.float64]:
-        """Draw the trail of a placed frame in the scene; no lines if the frame is not drawn."""
-        if name in display.shown(placement):
-            i = placement.names.index(name)
-            anchor, y = placement.anchor_of(name)
-            return within_reach(np.array([0.0, y, 0.0]) + self.draw(
-                anchor, name, placement.stamps[i], placement.poses[i, :3]))
-        return np.empty((0, 2, 3))
 
 
 class View:
@@ -196,7 +142,7 @@ class Viewer:
         display = panel.display.display(hidden)
         panel.tree.update(placement, panel.selected.name, hidden, now)
         self._scene.show(placement, display, panel.selected.name,
-                         self._trail.lines(placement, panel.trail.name, display), descriptions,
+                         self._trail.pieces(placement, panel.trail.name, display), descriptions,
                          panel.body)
         panel.update_robots(self._scene.body.lines, now)
         panel.pair.update(request[1] or self._paused_at, now)

@@ -192,13 +192,15 @@ def test_the_waving_arm_in_a_browser(ros, open_arm, request, tmp_path):
 
     # The parts of the page change by separate messages, so not all at the same time.
     scene = page.until(lambda: (
-        scene := page.scene_with(*FRAMES)).begins.shape == (5, 6, 3) and scene)
+        scene := page.scene_with(*FRAMES)).begins.shape == (3, 6, 3) and scene)
     map_, *_, joint_3, hand = map(scene.index, FRAMES)
     assert np.allclose(scene.begins[0, map_], 0.0)
-    assert np.allclose(np.linalg.norm(scene.ends[:3] - scene.begins[:3], axis=2), 0.16)
-    assert np.allclose(scene.ends[3, hand], scene.begins[0, joint_3], atol=1e-5)
-    assert np.linalg.norm(scene.ends[3, hand] - scene.begins[3, hand]) == pytest.approx(0.2)
-    assert np.allclose(scene.radii, [*[0.008] * 5, 0.0136])  # the selected frame stands out
+    # The selected frame stands out.
+    assert np.allclose(scene.lengths, [*[0.16] * 5, 0.24], atol=1e-4)
+    line, = [each for each in scene.lines
+             if np.allclose(each[0], scene.begins[0, hand], atol=1e-4)]
+    assert np.allclose(line[1], scene.begins[0, joint_3], atol=1e-4)
+    assert np.linalg.norm(line[1] - line[0]) == pytest.approx(0.2, abs=2e-4)
     page.until(lambda: np.linalg.norm(
         page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
     page.until(lambda: '6 frames' in page.overview())
@@ -244,7 +246,7 @@ def test_the_tabs_in_a_browser(ros, listening, open_arm, request, tmp_path):
         page.fill('Exclude', '')
         page.open_tab('Display')
         page.tick('Axes', False)
-        page.until(lambda: not page.scene().radii.any())
+        page.until(lambda: not page.scene().lengths.any())
         page.open_tab('Pair')
         page.choose('A', 'joint_2')
         page.choose('B', 'joint_3')

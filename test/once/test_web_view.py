@@ -65,7 +65,7 @@ def test_a_file_that_plays_without_a_server(start, tmp_path):
     with pages() as open_url:
         page = open_url(path.as_uri())
         scene = page.until(lambda: (
-            scene := page.scene_with(*FRAMES)).begins.shape == (5, 6, 3) and scene)
+            scene := page.scene_with(*FRAMES)).begins.shape == (3, 6, 3) and scene)
         hand = 'end_effector'
         page.until(lambda: np.linalg.norm(
             page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)

@@ -37,13 +37,20 @@ _SCENE = """() => {
         else if (/^\\/robots\\/\\d+$/.test(key) && node.effectiveVisibility)
             bodies.push(mutable.nodePoseData[key].position);
     let mesh = null;
-    mutable.nodeRefFromName['/frames']?.traverse(o => { if (o.isInstancedMesh2) mesh = o; });
-    const rods = [];
-    for (let i = 0; i < (mesh?.instancesCount ?? 0); i++)
-        rods.push([...mesh.getMatrixAt(i).elements, ...mesh.getColorAt(i).toArray()]);
-    const trail = tree['/trail'];
-    return {names, rods, bodies,
-            trail: trail?.effectiveVisibility ? Array.from(trail.message.props.points) : []};
+    const isShown = key => tree[key]?.effectiveVisibility;
+    const frames = isShown('/frames') ? mutable.nodeRefFromName['/frames'] : null;
+    frames?.traverse(o => { if (o.isInstancedMesh && !mesh) mesh = o; });
+    const axes = [], length = tree['/frames']?.message.props.axes_length ?? 0.0;
+    for (let i = 0; i < (mesh?.count ?? 0); i++) {
+        const matrix = mesh.matrixWorld.clone();
+        mesh.getMatrixAt(i, matrix);
+        axes.push(Array.from(matrix.elements));
+    }
+    const lines = isShown('/lines') ? Array.from(tree['/lines'].message.props.points) : [];
+    const trail = Object.entries(tree).filter(([key, node]) => key.startsWith('/trail/')
+        && node.effectiveVisibility).sort(([a], [b]) => a.split('/')[2] - b.split('/')[2])
+        .flatMap(([, node]) => Array.from(node.message.props.points));
+    return {names, axes, length, lines, bodies, trail};
 }"""
 
 _WHERE = """point => {
@@ -68,15 +75,14 @@ class Scene:
         self.names = {name: np.array(place) for name, place in drawn['names'].items()}
         #: (k, 3): the positions of the links whose shapes are drawn (m).
         self.bodies = np.array(drawn['bodies']).reshape(-1, 3)
-        rods = np.array(drawn['rods']).reshape(5, -1, 19)
-        #: (5, n, 3): the beginnings of x, y and z axes, lines to parents and their heads (m).
-        self.begins = rods[..., 12:15]
-        #: (5, n, 3): their ends (m).
-        self.ends = self.begins + rods[..., 8:11]
-        #: (n,): the radii of the axes of each frame (m).
-        self.radii = np.linalg.norm(rods[0, :, :3], axis=1)
-        #: (5, n, 3): red, green and blue, from 0 to 1.
-        self.colours = rods[..., 16:]
+        axes = np.array(drawn['axes']).reshape(-1, 3, 16).swapaxes(0, 1)
+        middles, along = axes[..., 12:15], axes[..., 4:7] * drawn['length'] / 2
+        #: (3, n, 3): the beginnings and the ends of the x, y and z axes (m).
+        self.begins, self.ends = middles - along, middles + along
+        #: (n,): the lengths of the axes of each frame (m); 0 if they are not drawn.
+        self.lengths = np.linalg.norm(2 * along[0], axis=1)
+        #: (k, 2, 3): the lines from frames to their parents (m).
+        self.lines = np.array(drawn['lines']).reshape(-1, 2, 3)
         #: (m, 2, 3): the segments of the trail (m).
         self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)
 

@@ -125,14 +125,20 @@ class Viewer:
                 for name, node in self.nodes.items()
                 if name.startswith('/names/') and node.get('visible')}
 
-    def rods(self, key: str) -> Any:
-        """
-        Return a property of the rods of the frames: (5, n, …), see `puretf_tools.view.rods`.
+    def trail(self) -> Any:
+        """Return the lines of the trail: (m, 2, 3), the oldest first."""
+        pieces = sorted((int(name.split('/')[2]), node['points'])
+                        for name, node in self.nodes.items() if name.startswith('/trail/'))
+        return np.concatenate([[], *(points for _, points in pieces)]).reshape(-1, 2, 3)
 
-        :param key: 'positions', 'wxyzs', 'scales' or 'colors'.
+    def axes(self, key: str) -> Any:
         """
-        width = 4 if key == 'wxyzs' else 3
-        return self.nodes['/frames'][f'batched_{key}'].reshape(5, -1, width)
+        Return a property of the axes of the frames, see `puretf_tools.view.axes.Axes`.
+
+        :param key: 'positions', 'wxyzs' or 'scales'.
+        """
+        width = {'positions': (3,), 'wxyzs': (4,), 'scales': ()}[key]
+        return self.nodes['/frames'][f'batched_{key}'].reshape(-1, *width)
 
     def close(self) -> None:
         """Disconnect."""

@@ -1,4 +1,4 @@
-"""What web_view shows: placements, rods, trails, texts, and the page as a viewer gets it."""
+"""What web_view shows: placements, axes, trails, texts, and the page as a viewer gets it."""
 
 from contextlib import ExitStack
 from itertools import pairwise
@@ -8,9 +8,9 @@ import pytest
 
 from puretf import TransformBuffer
 from puretf_tools.view import feed as feed_module
+from puretf_tools.view.axes import axes, Display, fading, lines, rounded
 from puretf_tools.view.feed import BagFeed, Feed, Player, Publication
 from puretf_tools.view.placement import FrameWatcher
-from puretf_tools.view.rods import Display, fading, rods
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -269,29 +269,34 @@ def test_what_is_not_finite_is_not_drawn():
     assert {*placement.not_finite} == {'lost', 'below', 'b'}
 
 
-def test_rods():
-    """Each frame has rods along its x, y and z axes, and one to its parent."""
+def test_axes_and_lines():
+    """Each frame has axes, which are larger if it is selected, and a line to its parent."""
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'a', pose(0.0, 0.0, 2.0, (0.0, 0.0, HALF, HALF)))
     buffer.insert(T, 'a', 'b', pose(1.0, 2.0, 2.0))
     buffer.insert(T, 'a', 'c', pose(0.0, 0.0, 0.0))
     placement = FrameWatcher(buffer).placement()
-    drawn = rods(placement, Display(0.5), 'b')
-    count = len(placement.names)
-    assert len(drawn.positions) == len(drawn.colors) == 5 * count
-    w, x, y, z = drawn.wxyzs.T  # each rod ends on the z axis of its rotation
-    ends = drawn.positions + drawn.scales[:, 2:] * np.column_stack(
-        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    begins = dict(zip(placement.names, drawn.positions[:count]))
-    for k, axis in enumerate(([0.0, 0.5, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.5])):
-        i = placement.names.index('a') + k * count
-        assert ends[i] - drawn.positions[i] == pytest.approx(axis, abs=1e-6)
-    for i, name in enumerate(placement.names):
-        parent = {'a': 'map', 'b': 'a', 'c': 'a'}.get(name, name)
-        for lines in 3, 4:  # the head ends there, too
-            assert ends[lines * count + i] == pytest.approx(begins[parent], abs=1e-6)
-    radii = dict(zip(placement.names, drawn.scales[:count, 0]))
-    assert radii['b'] > radii['a'] == radii['c'] > 0.0
+    drawn = axes(placement, Display(), 'b')
+    positions, wxyzs, scales = (
+        dict(zip(placement.names, values.tolist())) for values in drawn)
+    assert positions == {'map': [0, 0, 0], 'a': [0, 0, 2], 'b': [-2, 1, 4], 'c': [0, 0, 2]}
+    for name in 'abc':
+        assert wxyzs[name] == pytest.approx([HALF, 0.0, 0.0, HALF], abs=1e-4)
+    assert scales == {'map': 1.0, 'a': 1.0, 'b': 1.5, 'c': 1.0}
+    points, colours = lines(placement, Display(hidden=frozenset(['c'])))
+    assert sorted(points.tolist()) == [[[-2, 1, 4], [0, 0, 2]], [[0, 0, 2], [0, 0, 0]]]
+    assert (colours[:, 0] != colours[:, 1]).any(axis=1).all()
+    assert axes(placement, Display(hidden=frozenset(['c']))).scales.tolist() == [
+        float(name != 'c') for name in placement.names]
+
+
+def test_numbers_that_need_few_bytes():
+    """They differ by less than can be seen, and noise of float64 does not change them."""
+    values = np.random.default_rng(1).uniform(-10.0, 10.0, (100, 3))
+    found = rounded(values)
+    assert np.abs(found - values).max() < 1e-4
+    assert (rounded(found + 1e-12) == found).all()
+    assert (found.astype(np.float32) == found).all()
 
 
 def test_fading_as_in_rviz():
@@ -304,23 +309,36 @@ def test_fading_as_in_rviz():
 def test_a_trail():
     """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
     pytest.importorskip('viser')
-    from puretf_tools.view.view import Trail
+    from puretf_tools.view.trail import Trail
+
+    def whole(pieces):
+        assert [*pieces] == sorted(pieces)
+        return np.concatenate([*pieces.values()])
+
     buffer = TransformBuffer(60 * S)
     often, seldom = Trail(buffer), Trail(buffer)
+    pieces = often.draw('map', 'hand', 0, np.zeros(3))
+    grown = []
     for i in range(3001):
         buffer.insert(T + i * S // 100, 'map', 'hand', pose(i / 100, 1.0))
         if i % 3 == 0:
-            lines = often.draw('map', 'hand', T + i * S // 100, np.array([i / 100, 1.0, 0.0]))
-    for trail in lines, seldom.draw('map', 'hand', T + 30 * S, np.array([30.0, 1.0, 0.0])):
+            before, pieces = pieces, often.draw(
+                'map', 'hand', T + i * S // 100, np.array([i / 100, 1.0, 0.0]))
+            grown.append(sum(number in before and not np.array_equal(before[number], lines)
+                             for number, lines in pieces.items()))
+    assert max(grown) == 1
+    for trail in map(whole, (pieces, seldom.draw(
+            'map', 'hand', T + 30 * S, np.array([30.0, 1.0, 0.0])))):
         assert trail.shape[0] > 300
         assert (trail[1:, 0] == trail[:-1, 1]).all()
         assert 10.0 <= trail[0, 0, 0] < 10.1
         assert trail[-1, 1].tolist() == [30.0, 1.0, 0.0]
         assert np.ptp(trail[..., 1]) == 0.0
         assert np.diff(trail[:, 0, 0]).max() < 0.1
-    back = often.draw('hand', 'map', T + 30 * S, np.array([-30.0, -1.0, 0.0]))
+    back = whole(often.draw('hand', 'map', T + 30 * S, np.array([-30.0, -1.0, 0.0])))
     assert back[-1, 1].tolist() == [-30.0, -1.0, 0.0]
-    assert often.draw('map', 'hand', T + S, np.array([1.0, 1.0, 0.0]))[-1, 1].tolist() == [1, 1, 0]
+    back = whole(often.draw('map', 'hand', T + S, np.array([1.0, 1.0, 0.0])))
+    assert back[-1, 1].tolist() == [1, 1, 0]
     assert not len(often.draw('map', 'still', 0, np.zeros(3)))
 
 
@@ -489,12 +507,12 @@ def test_a_page_of_what_is_far(page, clock, place):
         clock[0] += 1.0
         shown.view.update()
     viewer, camera = shown.viewer, shown.server.initial_camera
-    shown.until(lambda: viewer.names() and '/trail' in viewer.nodes)
+    shown.until(lambda: viewer.names() and len(viewer.trail()))
     shown.set('Fixed frame', 'far')
     shown.until(lambda: np.isclose(
-        viewer.rods('positions')[0], [1.0, 0.0, 0.0]).all(axis=1).any())  # tip
-    for drawn in (viewer.rods('positions'), viewer.rods('scales'),
-                  viewer.nodes['/trail']['points'], camera.position, camera.look_at):
+        viewer.axes('positions'), [1.0, 0.0, 0.0]).all(axis=1).any())  # tip
+    for drawn in (viewer.axes('positions'), viewer.nodes['/lines']['points'],
+                  viewer.trail(), camera.position, camera.look_at):
         assert np.isfinite(drawn).all()
         assert np.abs(drawn).max() < 1e8
     assert 1e6 < camera.far < 1e12
@@ -525,7 +543,7 @@ def test_trees_that_change(page):
     shown.set('Fixed frame', 'left')
     shown.until(lambda: viewer.names().get('map') == [-4, 0, 0])
     shown.set('Axis length (m)', 0.5)
-    shown.until(lambda: viewer.rods('scales')[:3, :, 2] == pytest.approx(0.5))
+    shown.until(lambda: viewer.nodes['/frames'].get('axes_length') == 0.5)
     shown.set('Show names', False)
     shown.until(lambda: not viewer.names())
 
@@ -539,8 +557,8 @@ def rows(viewer):
 
 def shown_frames(viewer, placement):
     """Return the frames whose axes are drawn."""
-    return {name for name, radius in zip(
-        placement.names, viewer.rods('scales')[0, :, 0]) if radius > 0.0}
+    return {name for name, scale in zip(
+        placement.names, viewer.axes('scales')) if scale > 0.0}
 
 
 def test_the_tree(page, clock):
@@ -621,10 +639,10 @@ def test_what_is_displayed(page, clock):
     viewer = shown.viewer
     shown.until(lambda: '/frames' in viewer.nodes and len(viewer.names()) == 3)
     shown.set('Axes', False)
-    shown.until(lambda: not viewer.rods('scales')[:3, :, 0].any())
-    assert viewer.rods('scales')[3:, 1:, 0].all()
+    shown.until(lambda: not viewer.nodes['/frames']['visible'])
+    assert viewer.nodes['/lines']['visible']
     shown.set('Lines to parents', False)
-    shown.until(lambda: not viewer.rods('scales')[:, :, 0].any())
+    shown.until(lambda: not viewer.nodes['/lines']['visible'])
     shown.set('Axes', True)
     shown.set('Show names', False)
     shown.until(lambda: not viewer.names())
@@ -729,10 +747,10 @@ def test_each_viewer_has_settings_of_its_own(page):
     shown.set('Fixed frame', 'base')
     shown.set('Axis length (m)', 1.0)
     shown.until(lambda: shown.viewer.names().get('map') == [-1, 0, 0])
-    shown.until(lambda: shown.viewer.rods('scales')[0, 0, 2] == 1.0)
+    shown.until(lambda: shown.viewer.nodes['/frames']['axes_length'] == 1.0)
     other.until(lambda: other.names().get('base') == [1, 0, 0], shown.update)
     assert other.value('Fixed frame') == 'map'
-    assert other.rods('scales')[0, 0, 2] == pytest.approx(0.16)
+    assert other.nodes['/frames']['axes_length'] == 0.16
     other.close()
     shown.until(lambda: len(shown.server.get_clients()) == 1)
     shown.update()
@@ -852,22 +870,24 @@ def test_frames_that_fade_and_return(page, clock):
         buffer.insert(stamp, 'base', 'hand', pose(1.0))
 
     move(T + S // 2)
-    shown.until(lambda: viewer.nodes.get('/trail', {}).get('visible') and len(viewer.names()) == 3)
-    full = viewer.rods('scales')[0, 2, 0]
+    shown.until(lambda: len(viewer.trail()) and len(viewer.names()) == 3)
+    full = viewer.axes('scales')[2]
+    coloured = viewer.nodes['/lines']['colors'].tolist()
     clock[0] += 12.5
-    shown.until(lambda: 0.0 < viewer.rods('scales')[0, 2, 0] < 0.6 * full)
-    assert viewer.rods('colors')[:, 2].tolist() == [[178] * 3] * 5
+    shown.until(lambda: 0.0 < viewer.axes('scales')[2] < 0.6 * full)
+    assert viewer.nodes['/lines']['colors'].tolist()[6:] == [178] * 6
     shown.until(lambda: viewer.detail('rate') == 'no update for 13 s')
     clock[0] += 3.0
     shown.until(lambda: viewer.names().keys() == {'map', 'base'})
-    shown.until(lambda: not viewer.nodes['/trail']['visible'])
-    assert viewer.rods('scales')[0, 2, 0] == 0.0
+    shown.until(lambda: not len(viewer.trail()))
+    assert viewer.axes('scales')[2] == 0.0
+    assert len(viewer.nodes['/lines']['points']) == 6
     shown.until(lambda: 'has arrived for 15 s on the path to: hand<' in viewer.text('overview'))
     assert '>2 frames' in viewer.text('overview')
     move(T + 16 * S)
     shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
-    shown.until(lambda: viewer.rods('scales')[0, 2, 0] == full)
-    assert viewer.rods('colors')[0, 2].tolist() == [200, 0, 0]
+    shown.until(lambda: viewer.axes('scales')[2] == full)
+    assert viewer.nodes['/lines']['colors'].tolist() == coloured
 
 
 def test_a_page_that_stands_still(page):
@@ -954,7 +974,7 @@ def test_many_names_are_sent_seldom(page, clock):
 
     buffer.insert(T, 'map', 'new', pose(1.0), is_static=True)
     shown.view.update()
-    viewer.until(lambda: viewer.rods('positions').shape[1] == 1002)
+    viewer.until(lambda: len(viewer.axes('positions')) == 1002)
     shown.view.update()
     assert not is_offered()
     clock[0] += 1.0
@@ -1004,7 +1024,7 @@ def test_a_click_selects_a_frame(page):
     for index in 3 * 3 + 1, None:  # the line from base to its parent
         viewer.send({**CLICK, 'owner': viewer.nodes['/frames']['owner'], 'instance_index': index})
     shown.until(lambda: viewer.detail('parent') == 'map')
-    assert viewer.rods('scales')[0, :, 0] == pytest.approx([0.008, 0.0136, 0.008])
+    assert viewer.axes('scales').tolist() == [1.0, 1.5, 1.0]
 
 
 def test_a_bag_is_played(page, clock):
