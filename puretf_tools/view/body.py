@@ -14,6 +14,7 @@ from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display, rounded
 from puretf_tools.view.meshes import Mesh, Meshes
 from puretf_tools.view.placement import Placement, REACH
+from puretf_tools.view.viser_private import Move, set_pose
 
 #: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
 MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
@@ -80,10 +81,15 @@ class Body:
     #: The largest number of shapes that one call of `show` adds, so that viewers do not wait.
     at_a_time = 100
 
-    def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object]
-                 ) -> None:
-        """Draw nothing yet; a click on a shape calls `on_click` with the name of its frame."""
-        self._scene, self._meshes, self._on_click = scene, meshes, on_click
+    def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object],
+                 move: Callable[[Move], object]) -> None:
+        """
+        Draw nothing yet.
+
+        :param on_click: called with the name of a frame when a shape there is clicked.
+        :param move: called with each move of a node that is shown.
+        """
+        self._scene, self._meshes, self._on_click, self._move = scene, meshes, on_click, move
         self._descriptions: Mapping[str, DescriptionOrWhy] = {}
         self._robots: dict[str, _Robot] = {}  # by topic
         #: By the name of a node, which must not depend on those of links: these can have slashes.
@@ -153,10 +159,14 @@ class Body:
             part.node = self._scene.add_frame(
                 f'/robots/{self._next_node}', show_axes=False, visible=False)
             self._next_node += 1
-        if pose != part.pose:  # viser compares, too, but takes much longer
+        if pose != part.pose:
             part.pose = pose
             x, y, z, w = pose[3:]
-            part.node.position, part.node.wxyz = (pose[0], pose[1], pose[2]), (w, x, y, z)
+            move = part.node, (pose[0], pose[1], pose[2]), (w, x, y, z)
+            if part.node.visible:
+                self._move(move)
+            else:
+                set_pose(*move)
         if not part.node.visible:
             part.node.visible = True
         if not part.shapes:

@@ -10,7 +10,7 @@ from puretf_tools.view.body import BodyDisplay, mesh_files
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import FrameWatcher, Placement
-from puretf_tools.view.scene import look_at, NAMES_AT_ONCE, Scene
+from puretf_tools.view.scene import look_at, MOST_NAMES, Scene
 from puretf_tools.view.trail import Pieces, Trail
 from puretf_tools.view.viser_private import Server
 
@@ -70,8 +70,9 @@ class Recording:
             for time, placement, trail in self.moments:
                 on_progress(time - self.moments[0].time)
                 serializer.insert_sleep(time - before)
-                scene.show(placement, Display(with_names=len(placement.names) <= NAMES_AT_ONCE),
+                scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
                            placement.deepest, trail, descriptions, BodyDisplay())
+                scene.move()
                 before = time
             serializer.insert_sleep(PERIOD)  # before the loop begins again
             return str(serializer.as_html())

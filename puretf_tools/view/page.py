@@ -14,7 +14,7 @@ from puretf_tools.view.view import View
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 #: After an update that took long, since there are many frames, the page rests for this many times
 #: as long. Meanwhile viser sends the changes to the viewers.
-_REST = 2.0
+_REST = 4.0
 
 
 def show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str] = (),

@@ -14,7 +14,7 @@ from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.joints import Joints
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement
-from puretf_tools.view.scene import NAMES_AT_ONCE
+from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree import Tree
 
 #: This long (s) after the first frame has appeared, most others have.
@@ -96,7 +96,7 @@ class Panel:
         """
         Set the dropdowns and the checkbox 'Show names'.
 
-        Until the viewer uses the checkbox, it is ticked if there are at most `NAMES_AT_ONCE`
+        Until the viewer uses the checkbox, it is ticked if there are at most `MOST_NAMES`
         frames.
         """
         if names != self._options and now >= self._next_options:
@@ -113,7 +113,7 @@ class Panel:
             self._proposal = placement.deepest
         for choice in self.trail, self.selected:
             choice.propose(self._proposal)
-        self.display.show_names(len(placement.names) <= NAMES_AT_ONCE)
+        self.display.show_names(len(placement.names) <= MOST_NAMES)
 
     @property
     def body(self) -> BodyDisplay:

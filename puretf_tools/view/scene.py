@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from itertools import islice
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -19,9 +18,10 @@ from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.trail import Pieces
+from puretf_tools.view.viser_private import Move, set_pose
 
-#: One update moves at most this many names; the next update moves the next ones.
-NAMES_AT_ONCE = 50
+#: If there are more frames, their names are not shown until a viewer wants them.
+MOST_NAMES = 50
 _LONGEST_NAME = 40  # characters
 #: The width of a letter of a label, and half the height of a label (pixels).
 _LETTER, _HALF_LINE = 7.0, 10.0
@@ -71,17 +71,22 @@ class Scene:
         #: By the name of their frame: the labels, of which some are not visible. None is used for
         #: another frame: a slow browser would show it with the old text for a moment.
         self._labels: dict[str, viser.LabelHandle] = {}
-        self._label_count = self._next_label = 0
+        self._label_count = 0
+        self._moves: list[Move] = []
         #: In the order of the axes, so that `_click` finds the frame.
         self._frame_names: list[str] = []
         #: The frame that was clicked last, until somebody takes it.
         self.clicks: deque[str] = deque(maxlen=1)
-        self.body = Body(self._scene, meshes, self.clicks.append)
+        self.body = Body(self._scene, meshes, self.clicks.append, self._moves.append)
 
     def show(self, placement: Placement, display: Display, selected: str,
              trail: Pieces, descriptions: Mapping[str, DescriptionOrWhy],
              body: BodyDisplay) -> None:
-        """Show frames, a trail, and the bodies of robots."""
+        """
+        Show frames, a trail, and the bodies of robots, but do not `move` names and bodies yet.
+
+        A browser draws what `move` sends in the next picture, and all else one picture later.
+        """
         with self._owner.atomic():
             self._frame_names = placement.names
             self._show_grid(display.cell, display.is_dark)
@@ -90,6 +95,13 @@ class Scene:
             self._show_names(placement, display, selected)
             self._show_trail(trail)
             self.body.show(descriptions, placement, display, body)
+
+    def move(self) -> None:
+        """Move names and bodies to where the last call of `show` has drawn the frames."""
+        with self._owner.atomic():
+            for each in self._moves:
+                set_pose(*each)
+        self._moves.clear()
 
     def _show_grid(self, cell: float, is_dark: bool) -> None:
         if (cell, is_dark) == self._shown_grid:
@@ -113,7 +125,8 @@ class Scene:
             self._axes.on_click(self._click)
         for name, values in new._asdict().items():
             setattr(self._axes, f'batched_{name}', values.astype(np.float32))
-        self._axes.axes_length, self._axes.axes_radius = size, size * _AXIS_RADIUS
+        if size != self._axes.axes_length:
+            self._axes.axes_length, self._axes.axes_radius = size, size * _AXIS_RADIUS
         self._axes.visible = are_visible
 
     def _show_lines(self, new: Lines, are_visible: bool) -> None:
@@ -153,12 +166,12 @@ class Scene:
                 self._label_count += 1
             label = self._labels[name]
             label.text = text
+            x, y, z = position.tolist()
             if not label.visible:
-                label.position, label.visible = position, True
-        begin = self._next_label % max(1, len(shown))
-        for name in islice([*shown, *shown], begin, begin + min(NAMES_AT_ONCE, len(shown))):
-            self._labels[name].position = shown[name][1]
-        self._next_label = begin + NAMES_AT_ONCE
+                set_pose(label, (x, y, z))
+                label.visible = True
+            elif (x, y, z) != (*label.position.tolist(),):
+                self._moves.append((label, (x, y, z), None))
 
     def _show_trail(self, trail: Pieces) -> None:
         for number in self._trail.keys() - trail.keys():

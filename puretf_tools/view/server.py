@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: The ports that are tried if no port is given.
 PORTS = range(8080, 8180)
+#: The size of the send buffer of each connection (bytes).
+_SEND_BUFFER = 2**16
 #: The port of an http URL that does not name a port.
 _HTTP_PORT = 80
 
@@ -97,7 +99,10 @@ def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
     ports = PORTS if port is None else (port,)
     for each in ports:
         try:
-            return socket.create_server((address, each), family=family)
+            listening = socket.create_server((address, each), family=family)
+            # On a slow link, what waits in the buffers of connections is old.
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+            return listening
         except OSError as error:
             if error.errno == errno.EACCES:
                 raise CommandError(

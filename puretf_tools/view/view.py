@@ -14,12 +14,13 @@ from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
 from puretf_tools.view.feed import BagFeed, Feed
 from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.pace import Pace
 from puretf_tools.view.panel import Panel, SETTLING
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import look_at, Scene
 from puretf_tools.view.trail import Trail
-from puretf_tools.view.viser_private import Server
+from puretf_tools.view.viser_private import receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
@@ -60,6 +61,8 @@ class View:
                 self._meshes.forget_failures()
                 self._viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes)
+            if not self._viewers[number].is_due(now):
+                continue
             key = self._viewers[number].request(until)
             if key not in placements:
                 placements[key] = self._watcher.placement(*key)
@@ -75,6 +78,8 @@ class Viewer:
                  meshes: Meshes) -> None:
         #: The camera of the viewer, and the one to which viewers can reset theirs.
         self._cameras, self._feed = (client.camera, initial_camera), feed
+        receive_at_once(client)
+        self._pace = Pace(client)
         self._scene = Scene(client, meshes)
         self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
@@ -95,7 +100,12 @@ class Viewer:
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
+        self._pace.close()
         self._panel.hand_frame.stop()
+
+    def is_due(self, now: float) -> bool:
+        """Return whether the viewer has handled the last update, and may get the next one."""
+        return now >= self._next and not self._pace.is_waiting
 
     def request(self, until: int) -> tuple[str, int]:
         """
@@ -111,13 +121,11 @@ class Viewer:
     def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str,
                descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
-        Show the frames, unless they are paused.
+        Show the frames, unless they are paused; the viewer must be due.
 
         :param latest: the frames of the request.
         :param now: on the monotonic clock (s).
         """
-        if now < self._next:
-            return
         panel = self._panel
         self._next = now + panel.display.period
         if self._placement is None or not panel.is_paused or request != self._shown:
@@ -149,6 +157,7 @@ class Viewer:
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)
         self._turn_camera(placement, now)
+        self._pace.when_handled(self._scene.move)
 
     def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""

@@ -1,13 +1,17 @@
 """
 A server of viser that checks requests, and ends the connection of a client that sends nonsense.
 
-It uses private parts of viser 1.1, which test/unit/test_viser_private.py checks:
+It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py checks:
 
 - To start its server, viser calls `websockets.asyncio.server.serve` by this full name, with the
   argument `process_request`; `_websock_server` exists by then.
 - `_websock_server` and each connection of a client pass every message to their method
   `_handle_incoming_message`, in a task whose exception nothing handles. `_live_connections` has
   the WebSocket of each client.
+- A node passes messages about its pose to `_impl.api._queue_scene_message`. Its setters compare
+  poses by `numpy.allclose`, which takes most of the time, and ignores small moves far away.
+- `get_message_buffer().max_window_size` of `_websock_connection` limits the number of messages
+  that a client receives at once.
 """
 
 from collections.abc import Callable
@@ -15,17 +19,18 @@ from http import HTTPStatus
 import logging
 from math import hypot, isclose, isfinite
 import socket
-from typing import Any, TYPE_CHECKING
+from typing import Any, Optional, TYPE_CHECKING
 import warnings
 
 from puretf_tools.cli.parser import CommandError
 
 #: The versions of viser that can be used, as in setup.py.
-VISER = 'viser>=1.1,<1.2'
+VISER = 'viser>=1.1.1,<1.2'
 
 try:
     import viser  # isort: skip  (an error is to name it, and not a library that comes with it)
     import rich
+    from viser._messages import SetOrientationMessage, SetPositionMessage
     import websockets.asyncio.server
 except ImportError as error:
     raise CommandError(f'viser, which makes the page, cannot be imported ({error}): '
@@ -39,12 +44,19 @@ _LONGEST_MESSAGE = 2**16
 #: What the page sends. viser would also take uploads, and requests to make the page public.
 _MESSAGES = (
     'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage',
-    'TransformControlsDragStartMessage', 'TransformControlsUpdateMessage',
-    'TransformControlsDragEndMessage')
+    'LocalStorageGetItemResponseMessage', 'TransformControlsDragStartMessage',
+    'TransformControlsUpdateMessage', 'TransformControlsDragEndMessage')
+#: The largest number of messages of an update.
+_LARGEST_UPDATE = 100_000
 #: The only node of the scene that a viewer can move.
 HANDLES = '/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # w, x, y, z
+#: The arguments of `set_pose`.
+Move = tuple[viser.SceneNodeHandle, Vector, Optional[Quaternion]]
 
 _SERVE = websockets.asyncio.server.serve
 
@@ -99,6 +111,22 @@ class Server(viser.ViserServer):
                     await connection.close(1008)  # policy violation
 
         receiver._handle_incoming_message = handle_or_close
+
+
+def receive_at_once(client: viser.ClientHandle) -> None:
+    """Let a client receive all messages of an update at once."""
+    client._websock_connection.get_message_buffer().max_window_size = _LARGEST_UPDATE
+
+
+def set_pose(node: viser.SceneNodeHandle, position: Vector, wxyz: Optional[Quaternion] = None
+             ) -> None:
+    """Set the position (m) of a node, and its rotation if one is given."""
+    queue = node._impl.api._queue_scene_message
+    node._impl.position[:] = position
+    queue(SetPositionMessage(node.name, position))
+    if wxyz is not None:
+        node._impl.wxyz[:] = wxyz
+        queue(SetOrientationMessage(node.name, wxyz))
 
 
 def _check(message: Any) -> None:

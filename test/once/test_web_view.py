@@ -55,6 +55,47 @@ def look_at_the_body(page, picture):
     page.until(lambda: not len(page.scene().bodies) and orange() < 30)
 
 
+#: After each picture: the largest distance from a body to the next axes (m), and where a body is.
+PICTURES = """() => {
+    const nodes = window.__viserMutable.nodeRefFromName;
+    const length = window.__viserSceneTree.getState()['/frames'].message.props.axes_length;
+    let root = nodes['/frames'];
+    while (root.parent) root = root.parent;
+    const matrix = root.matrix.clone(), place = root.position.clone();
+    window.pictures = [];
+    root.onAfterRender = () => {
+        let mesh = null;
+        nodes['/frames'].traverse(o => { if (o.isInstancedMesh && !mesh) mesh = o; });
+        const frames = [];
+        for (let i = 0; i < mesh.count; i += 3) {
+            mesh.getMatrixAt(i, matrix);
+            const e = matrix.elements, begin = k => e[12 + k] - e[4 + k] * length / 2;
+            frames.push(place.clone().set(begin(0), begin(1), begin(2)));
+        }
+        const bodies = Object.keys(nodes).filter(key => /^\\/robots\\/\\d+$/.test(key));
+        window.pictures.push([Math.max(...bodies.map(key => Math.min(
+            ...frames.map(frame => frame.distanceTo(nodes[key].position))))),
+            ...nodes[bodies.at(-1)].position.toArray()]);
+    };
+}"""
+
+
+def test_axes_and_bodies_are_drawn_together(start):
+    """In each picture of a slow browser, all are from the same update."""
+    start(*ARM)
+    view = start(*tool('web_view'))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1], 1600, 1200)
+        page.until(lambda: len(page.scene_with(*FRAMES).bodies) == 5)
+        page.page.evaluate(PICTURES)
+        page.until(lambda: page.page.evaluate('window.pictures.length') >= 30)
+        apart, *place = np.array(page.page.evaluate('window.pictures')).T
+    moves = np.linalg.norm(np.diff(place, axis=1), axis=0)
+    assert moves.max() > 0.01
+    assert np.median(apart) < 1e-3
+    assert np.mean(apart < 1e-3) > 0.8
+
+
 def test_a_file_that_plays_without_a_server(start, tmp_path):
     """It shows the live arm move, and asks no host."""
     start(*ARM)

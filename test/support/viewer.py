@@ -33,10 +33,10 @@ def update(uuid: str, /, **updates: object) -> dict[str, object]:
 class Viewer:
     """A client of the page, and what it has been told of the page."""
 
-    def __init__(self, port: int, **camera: object) -> None:
+    def __init__(self, port: int, host: str = '127.0.0.1', **camera: object) -> None:
         """Connect as the page does; the camera is `CAMERA` with some changes."""
         self._connection = connect(
-            f'ws://127.0.0.1:{port}', subprotocols=[f'viser-v{viser.__version__}'],
+            f'ws://{host}:{port}', subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None, compression=None, close_timeout=1.0)
         self.send({**CAMERA, **camera})
         #: The properties of each control and text by its uuid, and of each node by its name.
@@ -68,6 +68,10 @@ class Viewer:
             return [*map(filled, value)] if isinstance(value, list) else value
 
         for message in content['messages']:
+            if message['type'] == 'LocalStorageGetItemRequestMessage':
+                self.send({'type': 'LocalStorageGetItemResponseMessage', 'value': None,
+                           'error': None, 'request_uuid': message['request_uuid']})
+                continue
             if message['type'] == 'GuiRemoveMessage':
                 self.gui.pop(message['uuid'], None)
                 continue
@@ -172,6 +176,13 @@ class Page:
         """Update the page as time passes: enough for the texts, not for a frame to fade."""
         self.clock[0] += 0.01
         self.view.update()
+
+    def step(self):
+        """Update the page, and let the viewer handle what it is sent."""
+        self.update()
+        with suppress(TimeoutError):
+            while True:
+                self.viewer.receive(0.05)
 
     def set(self, label, value):
         """

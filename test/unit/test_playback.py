@@ -275,7 +275,7 @@ def test_a_recording(buffer):
                 if message.get('props', {}).get('text') == 'base')
     places = [(time, *message['position'][:1]) for time, message in content['messages']
               if message['type'] == 'SetPositionMessage' and message['name'] == node]
-    assert places == [(i / 2, i / 2) for i in range(1, 11)]
+    assert places == [(i / 2, i / 2) for i in range(11)]
     camera = [time for time, message in content['messages']
               if message['type'] == 'SetCameraPositionMessage']
     assert camera == [0.0]

@@ -152,7 +152,7 @@ def test_a_viser_that_cannot_be_guarded(monkeypatch):
     monkeypatch.setattr(viser.infra._infra, 'websockets', module)
     with (pytest.raises(CommandError, match=(
             rf'^viser {re.escape(viser.__version__)} does not start its server by websockets.*: '
-            r"pip install 'viser>=1\.1,<1\.2'$")), serve('127.0.0.1')):
+            r"pip install 'viser>=1\.1\.1,<1\.2'$")), serve('127.0.0.1')):
         pass
     assert [server.is_serving() for server in servers] == [False]
 

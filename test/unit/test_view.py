@@ -477,20 +477,20 @@ def live(buffer):
 def test_a_page_of_what_is_static_or_odd(page, clock):
     """Odd names, numbers and stamps, loops and a cleared buffer raise no error."""
     buffer = TransformBuffer()
-    view = page(live(buffer)).view
+    shown = page(live(buffer))
     buffer.insert(0, 'map', 'base', pose(1.0), is_static=True)
     for parent, child, x in (('//map', 'bad', 1.0), ('map', 'far', float('inf')), ('a', 'b', 1.0),
                              ('b', 'a', 1.0), ('c', 'zero', 1.0)):
         buffer.insert(0 if child == 'zero' else T, parent, child, pose(x))
     for _ in range(3):
-        view.update()
+        shown.step()
         clock[0] += 1.0  # so that the cameras are turned
     buffer.clear()
-    view.update()
+    shown.step()
     buffer.insert(1, 'map', 'early', pose(1.0))
     for i in range(5):
         buffer.insert(1 + i * S // 30, 'map', 'early', pose(1.0))
-        view.update()
+        shown.step()
 
 
 @pytest.mark.filterwarnings('error')
@@ -505,7 +505,7 @@ def test_a_page_of_what_is_far(page, clock, place):
         buffer.insert(T + i * S, 'far', 'tip', pose(1.0))
         buffer.insert(T + i * S, 'x', 'y', pose(*place))
         clock[0] += 1.0
-        shown.view.update()
+        shown.step()
     viewer, camera = shown.viewer, shown.server.initial_camera
     shown.until(lambda: viewer.names() and len(viewer.trail()))
     shown.set('Fixed frame', 'far')
@@ -973,13 +973,10 @@ def test_many_names_are_sent_seldom(page, clock):
         return 'new' in viewer.gui[viewer.uuid('Frame')]['options']
 
     buffer.insert(T, 'map', 'new', pose(1.0), is_static=True)
-    shown.view.update()
-    viewer.until(lambda: len(viewer.axes('positions')) == 1002)
-    shown.view.update()
+    shown.until(lambda: len(viewer.axes('positions')) == 1002)
     assert not is_offered()
     clock[0] += 1.0
-    shown.view.update()
-    viewer.until(is_offered)
+    shown.until(is_offered)
 
 
 def test_a_name_keeps_its_label(page, clock):

@@ -1,9 +1,10 @@
-"""The internals of viser 1.1 and websockets on which view/viser_private.py relies."""
+"""The internals of viser 1.1.1 and websockets on which view/viser_private.py relies."""
 
 import asyncio
 import inspect
 
 import pytest
+from viewer import recorded
 
 viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 websockets, websockets_server = map(
@@ -29,8 +30,8 @@ def test_all_messages_of_a_client_pass_one_method_of_server_and_connection():
 
 @pytest.mark.parametrize('name', [
     'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage',
-    'TransformControlsDragStartMessage', 'TransformControlsUpdateMessage',
-    'TransformControlsDragEndMessage'])
+    'LocalStorageGetItemResponseMessage', 'TransformControlsDragStartMessage',
+    'TransformControlsUpdateMessage', 'TransformControlsDragEndMessage'])
 def test_the_messages_that_are_allowed_exist(name):
     """Only an update of a control has the field `updates`; handles have a name, and one a pose."""
     fields = getattr(viser._messages, name).__annotations__
@@ -38,6 +39,32 @@ def test_the_messages_that_are_allowed_exist(name):
     if name.startswith('TransformControls'):
         pose = {'wxyz', 'position'} if name == 'TransformControlsUpdateMessage' else set()
         assert {*fields} == {'name', 'owner'} | pose
+
+
+def test_a_pose_is_sent_by_two_messages():
+    """Its setters send the same."""
+    from puretf_tools.view.server import serve
+    from puretf_tools.view.viser_private import set_pose
+    with serve('127.0.0.1') as server:
+        nodes = [server.scene.add_frame(name) for name in ('/a', '/b')]
+        serializer = server.get_scene_serializer()
+        set_pose(nodes[0], (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0))
+        nodes[1].position, nodes[1].wxyz = (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)
+        sent = [{**message, 'name': ''} for _, message in recorded(serializer.as_html())[
+            'messages'] if message['type'].startswith('Set') and message['name'] in ('/a', '/b')]
+    assert len(sent) >= 4
+    assert sent[-4:-2] == sent[-2:]
+    for node in nodes:
+        assert node.position.tolist() == [1.0, 2.0, 3.0]
+        assert node.wxyz.tolist() == [0.0, 1.0, 0.0, 0.0]
+
+
+def test_the_size_of_a_window():
+    """A client is sent at most this many messages at once."""
+    source = inspect.getsource(infra.AsyncMessageBuffer._window_loop)
+    assert 'len(window) < self.max_window_size' in source
+    assert 'self._websock_connection = ' in inspect.getsource(viser.ClientHandle.__init__)
+    assert hasattr(infra.WebsockClientConnection, 'get_message_buffer')
 
 
 def test_serve_takes_what_guards_it():

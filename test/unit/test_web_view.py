@@ -55,4 +55,4 @@ def test_without_viser(bag):
                           capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == ('web_view: viser, which makes the page, cannot be imported (No '
-                           "module named 'viser'): pip install 'viser>=1.1,<1.2'\n")
+                           "module named 'viser'): pip install 'viser>=1.1.1,<1.2'\n")
