@@ -49,7 +49,7 @@ def main() -> None:
     table('Bags', reading.rows(u), reading.many(u), reading.doctor())
     table('Memory', listening.memory(), reading.memory())
     table('One message at a time', listening.into_the_buffer(u))
-    table('The web page', viewing.placing(), viewing.showing(),
+    table('The web page', viewing.placing(), viewing.showing(), viewing.watching(),
           viewing.opening())
     table('Import', imports())
     rclpy.shutdown()

@@ -1,8 +1,10 @@
 """A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
 
+import sys
 from typing import Any, Optional, Union
 
 from puretf._core.buffer_base import BufferBase, debug_tuple
+from puretf._core.engine import engine_of
 from puretf._core.times import nanoseconds_or_int, SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
@@ -35,6 +37,22 @@ class TransformBuffer(BufferBase):
         """
         super().__init__(cache_time, max_frames, max_samples)
         self._engine.tree.takes_ns = True
+
+    @classmethod
+    def copy_of(cls, buffer: BufferBase, since: Any = 0) -> 'TransformBuffer':
+        """
+        Return a copy of a buffer, without limits of the number of frames and samples.
+
+        :param since: samples that are not needed from this time on (ns) are left out.
+        :raises TypeError: if the buffer is none of puretf, or the time has a wrong type.
+        """
+        engine, stamp = engine_of(buffer), nanoseconds_or_int(since, 'since')
+        copy = cls(engine.tree.cache_time, max_frames=sys.maxsize, max_samples=None)
+        with engine.reading():
+            copy._engine.tree.histories.update({
+                name: history and history.copy(stamp)
+                for name, history in engine.tree.histories.items()})
+        return copy
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
         """

@@ -2,6 +2,7 @@
 
 from array import array
 from bisect import bisect_left, bisect_right
+from copy import copy
 from operator import itemgetter
 import struct
 from typing import Any, Optional, Union
@@ -118,6 +119,16 @@ class History:
         return (self.parent_of(newest), self.authority, False, newest - self.start + 1,
                 self.stamps[newest], self.oldest, self.arrived,
                 self.refused_authority if self.is_refusing else self.authority)
+
+    def copy(self, since: int) -> 'History':
+        """Return a copy with what is needed for lookups from a time (ns) on."""
+        first = max(self.start, bisect_right(self.stamps, since) - 1)
+        other = copy(self)
+        other.start, other.stamps = 0, self.stamps[first:]
+        other.poses = self.poses[first * POSE_BYTES:]
+        other.parents = self.parents and self.parents[first:]
+        other.all_parents = dict(self.all_parents)
+        return other
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
@@ -336,6 +347,9 @@ class StaticHistory:
     @property
     def all_parents(self) -> tuple[str]:
         return (self.only_parent,)
+
+    def copy(self, since: int) -> 'StaticHistory':
+        return StaticHistory(self.only_parent, self.pose, self.authority)
 
     def state(self, until: int) -> State:
         return self.only_parent, self.authority, True, 1, 0, 0, 0, self.authority

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from html import escape
 from math import degrees
 from shlex import quote
+from typing import Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from puretf import comma_list, Frame, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
-from puretf_tools.view.feed import Feed
+from puretf_tools.view.feed import AnyBuffer, Feed
 from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
 from puretf_tools.view.silent_frames import SILENT, TIMEOUT
 
@@ -61,8 +62,14 @@ def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
     return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
 
-def details(placement: Placement, name: str, feed: Feed) -> str:
-    """Return in HTML a table of one frame, or a sentence if it is not available."""
+def details(placement: Placement, name: str, feed: Feed, buffer: Optional[AnyBuffer] = None
+            ) -> str:
+    """
+    Return in HTML a table of one frame, or a sentence if it is not available.
+
+    :param buffer: that of the placement; None: that of the feed.
+    """
+    buffer = buffer or feed.buffer
     if name not in placement.names:
         return html(f'{name} is not available.' if name else 'Click a frame, or choose one.',
                     'details')
@@ -74,7 +81,7 @@ def details(placement: Placement, name: str, feed: Feed) -> str:
         rows += _title('parent', '', 'no parent: this is a root')
     else:
         rows += _title('parent', frame.parent, 'pose in the parent')
-        translations, rotations, known = feed.buffer.lookup_transforms(
+        translations, rotations, known = buffer.lookup_transforms(
             frame.parent, name, [frame.latest])
         if known[0]:  # the buffer may have dropped the sample since the placement
             rows += _pose('parent', feed, frame.latest, translations[0], rotations[0])
@@ -89,7 +96,7 @@ def details(placement: Placement, name: str, feed: Feed) -> str:
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
     if target != placement.fixed and (
-            why := feed.buffer.why_not(placement.fixed, name, 0)):
+            why := buffer.why_not(placement.fixed, name, 0)):
         rows += ('<tr><td colspan="2" style="padding-top: .4em">not in the fixed frame: '
                  f'<span data-value="why">{_text(why)}</span></td></tr>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'

@@ -27,7 +27,7 @@ class Pair:
 
     def __init__(self, gui: viser.GuiApi, buffer: AnyBuffer, time_text: Callable[[int], str]
                  ) -> None:
-        self._buffer, self._time_text = buffer, time_text
+        self.buffer, self._time_text = buffer, time_text
         self._a = FrameChoice(gui, 'A', 'the target frame, in which the pose of B is shown')
         self._b = FrameChoice(gui, 'B', 'the source frame, whose pose is shown')
         self._numbers = gui.add_html('')
@@ -84,13 +84,13 @@ class Pair:
 
     def _look_up(self, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:
         """Return why there is no transform, or '' and the transform."""
-        with self._buffer.updated():
-            if why := self._buffer.why_not(a, b, end):
+        with self.buffer.updated():
+            if why := self.buffer.why_not(a, b, end):
                 return why, None
             if not end:
-                latest = self._buffer.get_latest_common_time(a, b)
+                latest = self.buffer.get_latest_common_time(a, b)
                 end = latest if isinstance(latest, int) else latest.nanoseconds
-            translations, rotations, _ = self._buffer.lookup_transforms(a, b, [end])
+            translations, rotations, _ = self.buffer.lookup_transforms(a, b, [end])
         return '', Transform(
             int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
 
@@ -105,7 +105,7 @@ class Pair:
         known = np.zeros(0, np.bool_)
         if end is not None:
             times = np.maximum(end + _OFFSETS, 1)  # 0 would be the latest time
-            translations, rotations, known = self._buffer.lookup_transforms(*self._frames, times)
+            translations, rotations, known = self.buffer.lookup_transforms(*self._frames, times)
         is_visible = bool(known.any())
         if is_visible:
             angles = np.full(translations.shape, np.nan)

@@ -17,7 +17,7 @@ from puretf_tools.view.placement import Placement
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree import Tree
 
-#: This long (s) after the first frame has appeared, most others have.
+#: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
@@ -34,7 +34,7 @@ class Panel:
         configure(gui, False)
         self._options: list[str] = []  # of the dropdowns
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
-        self._settled: Optional[float] = None  # `SETTLING` after the first frame
+        self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
         self._overview = gui.add_html('')
         self._pause: Any = None
@@ -106,8 +106,9 @@ class Panel:
             self.pair.set_frames(names)
             self.hand_frame.set_frames(names)
         self.fixed.propose(placement.fixed)
-        # While the first frames appear, the proposal follows the deepest one. Then it stays.
-        if self._settled is None and placement.names:
+        # While the first dynamic frames appear, the proposal follows the deepest one; then it
+        # stays.
+        if self._settled is None and placement.is_moving:
             self._settled = now + SETTLING
         if now <= (self._settled or now) or self._proposal not in placement.names:
             self._proposal = placement.deepest

@@ -7,12 +7,12 @@ from typing import Any, Optional
 import numpy as np
 import viser
 
-from puretf import SECOND
+from puretf import SECOND, TransformBuffer
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
-from puretf_tools.view.feed import BagFeed, Feed
+from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.pace import Pace
 from puretf_tools.view.panel import Panel, SETTLING
@@ -56,6 +56,12 @@ class View:
         for gone in self._viewers.keys() - clients.keys():
             self._viewers.pop(gone).close()
         placements: dict[tuple[str, int], Placement] = {}
+
+        def place(*request: Any) -> Placement:
+            if request not in placements:
+                placements[request] = self._watcher.placement(*request)
+            return placements[request]
+
         for number, client in clients.items():
             if number not in self._viewers:
                 self._meshes.forget_failures()
@@ -63,11 +69,8 @@ class View:
                     client, self._feed, self._server.initial_camera, self._meshes)
             if not self._viewers[number].is_due(now):
                 continue
-            key = self._viewers[number].request(until)
-            if key not in placements:
-                placements[key] = self._watcher.placement(*key)
-            self._viewers[number].update(placements[key], key, now, self._hint, descriptions)
-        if not until and all(time for _, time in placements):
+            self._viewers[number].update(place, until, now, self._hint, descriptions)
+        if not until and not placements:
             self._watcher.watch()
 
 
@@ -83,11 +86,13 @@ class Viewer:
         self._scene = Scene(client, meshes)
         self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
-        self._shown: tuple[str, int] = '', 0  # the request for `_placement`
-        self._paused_at = 0  # the time that a paused page shows (ns); 0: it is not paused
+        self._shown: tuple[str, int] = '', 0  # the request for a paused placement
+        self._paused_at = 0  # the time that a paused page shows (ns)
+        #: The last seconds before a pause; None: the page is not paused, or there are no frames.
+        self._copy: Optional[FrameWatcher] = None
         #: The frames that can be chosen.
         self._names: dict[str, None] = {}
-        self._trail = Trail(feed.buffer)
+        self._use(feed.buffer)
         #: The earliest times of the next update, and of that of the texts (s, monotonic clock).
         self._next = self._next_texts = 0.0
         #: The placement for which the shown texts were made, the names of the chosen fixed frame
@@ -107,35 +112,43 @@ class Viewer:
         """Return whether the viewer has handled the last update, and may get the next one."""
         return now >= self._next and not self._pace.is_waiting
 
-    def request(self, until: int) -> tuple[str, int]:
-        """
-        Return the chosen fixed frame ('' if there is none), and the time of the frames to show.
+    def _place(self, place: Callable[[str, int], Placement], until: int) -> Placement:
+        """Return the frames to show; while they are paused, those of a copy of the buffer."""
+        panel, fixed = self._panel, self._panel.fixed.chosen
+        if not panel.is_paused and self._copy:
+            self._use(self._feed.buffer)
+            self._copy = None
+        if panel.is_paused and not self._copy and self._placement and self._placement.names:
+            self._paused_at = max(self._placement.stamps)
+            copy = TransformBuffer.copy_of(
+                self._feed.buffer, max(1, self._paused_at - LENGTH * SECOND))
+            self._use(copy)
+            self._copy = FrameWatcher(copy)
+            self._shown = fixed, self._paused_at  # what is shown stays
+        if not self._copy:
+            return place(fixed, until)
+        request = fixed, max(1, self._paused_at - round(panel.back * SECOND))
+        if request == self._shown and self._placement:
+            return self._placement
+        self._shown = request
+        return self._copy.placement(*request)
 
-        :param until: the time of a bag (ns); 0: the frames are live, and so is the result, unless
-            the viewer has paused them.
-        """
-        if self._paused_at:
-            until = max(1, self._paused_at - round(self._panel.back * SECOND))
-        return self._panel.fixed.chosen, until
+    def _use(self, buffer: AnyBuffer) -> None:
+        self._panel.pair.buffer = self._buffer = buffer
+        self._trail = Trail(buffer)
 
-    def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str,
+    def update(self, place: Callable[[str, int], Placement], until: int, now: float, hint: str,
                descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
-        Show the frames, unless they are paused; the viewer must be due.
+        Show the frames; the viewer must be due.
 
-        :param latest: the frames of the request.
+        :param place: returns the frames for a chosen fixed frame and a time (ns).
+        :param until: the time of a bag (ns); 0: the frames are live.
         :param now: on the monotonic clock (s).
         """
         panel = self._panel
         self._next = now + panel.display.period
-        if self._placement is None or not panel.is_paused or request != self._shown:
-            self._placement, self._shown = latest, request
-        placement = self._placement
-        if not panel.is_paused:
-            self._paused_at = 0
-        elif not self._paused_at:
-            self._paused_at = max(placement.stamps, default=0)
-            self._shown = request[0], self._paused_at  # the next request is the same
+        placement = self._placement = self._place(place, until)
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])
@@ -153,7 +166,7 @@ class Viewer:
                          self._trail.pieces(placement, panel.trail.name, display), descriptions,
                          panel.body)
         panel.update_robots(self._scene.body.lines, now)
-        panel.pair.update(request[1] or self._paused_at, now)
+        panel.pair.update(self._shown[1] if self._copy else until, now)
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)
         self._turn_camera(placement, now)
@@ -168,7 +181,8 @@ class Viewer:
             self._next_texts, self._texts_key = now + _TEXT_PERIOD, key
             self._panel.show_texts(overview(
                 placement, self._feed, hint, self._panel.fixed.chosen, timeout),
-                                   details(placement, self._panel.selected.name, self._feed))
+                                   details(placement, self._panel.selected.name, self._feed,
+                                           self._buffer))
 
     async def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""

@@ -38,6 +38,7 @@ class Viewer:
         self._connection = connect(
             f'ws://{host}:{port}', subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None, compression=None, close_timeout=1.0)
+        self.size = 0  #: the number of bytes that were received
         self.send({**CAMERA, **camera})
         #: The properties of each control and text by its uuid, and of each node by its name.
         self.gui: dict[str, dict[str, Any]] = {}
@@ -53,6 +54,7 @@ class Viewer:
     def receive(self, timeout: float) -> None:
         """Receive the next messages; `TimeoutError`: there are none."""
         window = self._connection.recv(timeout)
+        self.size += len(window)
         begin = 16 + int.from_bytes(window[8:16], 'little')
         content = msgspec.msgpack.decode(
             zstandard.ZstdDecompressor().decompress(window[16:begin]))

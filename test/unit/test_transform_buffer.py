@@ -9,7 +9,7 @@ import pickle
 import signal
 import sys
 import threading
-from typing import Any
+from typing import Any, cast
 import weakref
 
 from ctrl_c import interruptions
@@ -94,6 +94,32 @@ def test_expires_after_the_cache_time():
     assert not put(buffer, 'a', 'b', T + 3 * S - 1)
     assert [(frame.oldest, frame.length, frame.latest, frame.arrived)
             for frame in buffer.frames()] == [(T + 3 * S, 2, T + 5 * S, T + 3 * S - 1)]
+
+
+def test_a_copy():
+    """It has what lookups from a time on need, and does not change with the buffer."""
+    buffer = TransformBuffer(100 * S)
+    put(buffer, 'map', 'post', 0, 5.0, is_static=True)
+    for second in range(10):
+        put(buffer, 'ab'[second % 2], 'c', T + second * S, second)
+        put(buffer, 'map', 'd', T + second * S, second)
+    copy = TransformBuffer.copy_of(buffer, T + 5 * S + 1)
+    whole = TransformBuffer.copy_of(buffer)
+    assert whole.dump() == buffer.dump()
+    assert [(frame.name, frame.oldest) for frame in copy.frames()] == [
+        ('post', 0), ('c', T + 5 * S), ('d', T + 5 * S)]
+    put(buffer, 'map', 'd', T + 100 * S, 0.0)
+    buffer.clear()
+    for time in T + 5 * S + 1, T + 6 * S + S // 2, T + 9 * S:
+        assert x_at(copy, 'map', 'd', time) == pytest.approx((time - T) / S)
+    assert x_at(copy, 'b', 'c', T + 9 * S) == 9.0
+    assert x_at(copy, 'map', 'post', 0) == 5.0
+    with pytest.raises(ExtrapolationException):
+        x_at(copy, 'map', 'd', T + 4 * S)
+    put(copy, 'map', 'd', T + 10 * S, 20.0)
+    assert x_at(copy, 'map', 'd', T + 10 * S) == 20.0
+    with pytest.raises(TypeError, match='buffer must be a buffer of puretf, got None'):
+        TransformBuffer.copy_of(cast(TransformBuffer, None))
 
 
 def test_a_long_stream_is_that_of_the_model():

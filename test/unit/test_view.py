@@ -908,6 +908,60 @@ def test_a_page_that_stands_still(page):
     shown.until(lambda: viewer.detail('fixed-time') == f'{T // S + 100}.000000000 s')
 
 
+def test_a_long_pause(page, clock):
+    """The last 20 s stay, also for another fixed frame and the pair; and so do the choices."""
+    buffer = TransformBuffer(40 * S)
+
+    def pass_by(first, last):
+        for second in range(first, last):
+            buffer.insert(T + second * S, 'map', 'base', pose(second))
+            buffer.insert(T + second * S, 'base', 'hand', pose(1.0))
+
+    pass_by(0, 31)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.names().get('hand') == [31, 0, 0])
+    choices = [(label, viewer.value(label)) for label in ('Frame', 'Trail of', 'Fixed frame')]
+    assert [value for _, value in choices] == ['hand', 'hand', 'map']
+    shown.set('Pause', True)
+    shown.step()
+    pass_by(31, 130)
+    clock[0] += 99.0
+    for back in 5, 20, 0:
+        shown.set('Back (s)', float(back))
+        shown.until(lambda: viewer.names().get('hand') == [31 - back, 0, 0])  # noqa: B023
+    shown.until(lambda: len(viewer.trail()) > 300)
+    shown.set('Fixed frame', 'hand')
+    shown.until(lambda: viewer.names().get('map') == [-31, 0, 0])
+    shown.set('Back (s)', 3.0)
+    shown.until(lambda: viewer.names().get('map') == [-28, 0, 0])
+    shown.set('A', 'map')
+    shown.set('B', 'hand')
+    shown.until(lambda: '28.000' in viewer.text('pair'))
+    shown.set('Fixed frame', '(automatic)')
+    shown.set('Pause', False)
+    shown.until(lambda: viewer.names().get('hand') == [130, 0, 0])
+    assert [(label, viewer.value(label)) for label, _ in choices] == choices
+
+
+def test_a_default_of_static_frames(page, clock):
+    """It is chosen again when the first dynamic frame appears, and then stays."""
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'post', pose(1.0), is_static=True)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.value('Frame') == 'post')
+    clock[0] += 10.0
+    shown.step()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown.until(lambda: viewer.value('Frame') == viewer.value('Trail of') == 'hand')
+    clock[0] += 10.0
+    shown.step()
+    arm(buffer, T, 'hand', 'tip')
+    shown.until(lambda: 'tip' in viewer.names())
+    assert viewer.value('Frame') == 'hand'
+
+
 def test_what_is_chosen_stays(page):
     """A choice outlasts new proposals, even while the chosen frame does not exist."""
     buffer = TransformBuffer()
