@@ -1,5 +1,6 @@
 """The bodies of robots: the shapes of their descriptions, drawn at the frames of their links."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -12,7 +13,7 @@ from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description, Rgba, Shape
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display, rounded
-from puretf_tools.view.meshes import Mesh, Meshes
+from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import Move, set_pose
 
@@ -59,7 +60,10 @@ class _Robot:
         self.topic, self.description = topic, description
         self.names: list[str] = []  # the frames for which the prefix was found
         self.prefix, self.found = '', 0  # the number of links that have a frame
-        self.problems: dict[str, None] = {}  # meshes that are missing
+        #: By a line for each mesh that cannot be drawn: ' of package …' or '' if its file is
+        #: missing, else None.
+        self.problems: dict[str, Optional[str]] = {}
+        self.sign: Optional[viser.LabelHandle] = None  # at the first body that is missing
         self.triangles = 0  # of the meshes that are drawn
         self.parts = [*_parts(description.visuals, False), *_parts(description.collisions, True)]
 
@@ -72,7 +76,14 @@ class _Robot:
         for shapes in description.visuals, description.collisions:
             if len(shapes) > MAX_SHAPES:
                 lines.append(f'only {MAX_SHAPES} of {len(shapes)} shapes are drawn')
-        return [*lines, *description.warnings, *self.problems]
+        missing = Counter(self.problems.values())
+        return [*lines, *description.warnings, *(
+            f'{_meshes(count)}{package} {"is" if count == 1 else "are"} missing: {REMEDY}'
+            for package, count in missing.items() if package is not None)]
+
+
+def _meshes(count: int) -> str:
+    return '1 mesh' if count == 1 else f'{count} meshes'
 
 
 class Body:
@@ -96,8 +107,9 @@ class Body:
         self._owners: dict[str, tuple[_Robot, _Part]] = {}
         self._next_node = self._left = 0  # how many shapes this update may still add
         self._opacity = 1.0
-        #: What the panel says of descriptions and meshes; another list after a change.
-        self.lines: list[str] = []
+        #: What the panel says of descriptions, and of each mesh that cannot be drawn; another
+        #: tuple after a change.
+        self.lines: tuple[list[str], list[str]] = [], []
 
     def show(self, descriptions: Mapping[str, DescriptionOrWhy], placement: Placement,
              display: Display, body: BodyDisplay) -> None:
@@ -128,7 +140,8 @@ class Body:
                     part.node.visible = False
         if has_changed:
             self.lines = [line for topic, each in descriptions.items() for line in (
-                [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())]
+                [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
+                line for robot in self._robots.values() for line in robot.problems]
 
     def _replace(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """Remove the bodies whose description has changed, and add the new ones."""
@@ -173,7 +186,12 @@ class Body:
             return False
         count = len(robot.problems)
         part.shapes = [shape for shape in part.shapes if not self._add(shape, robot, part)]
-        return len(robot.problems) > count
+        if (new := len(robot.problems)) == count:
+            return False
+        if robot.sign is None:
+            robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
+        robot.sign.text = f'{_meshes(new)} not drawn: see the tab Robot'
+        return True
 
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
         """Add a shape to the node of its part; return False if it must wait for another update."""
@@ -187,9 +205,13 @@ class Body:
             rgba = shape.rgba or mesh.rgba or _DEFAULT
             robot.triangles += len(mesh.faces)
             if robot.triangles > MAX_TRIANGLES:
-                mesh = f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes'
-        if isinstance(mesh, str):
-            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = None
+                mesh = MeshError(
+                    f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes')
+        if isinstance(mesh, MeshError):
+            scheme, _, name = shape.file.partition('://')
+            package = f' of package {name.partition("/")[0]}' * (scheme == 'package')
+            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = (
+                package if isinstance(mesh, MissingMesh) else None)
             kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
         red, green, blue, alpha = _COLLISION if part.is_collision else rgba
         x, y, z, w = shape.pose[3:]

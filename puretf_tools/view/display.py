@@ -21,6 +21,8 @@ VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0
 _SIZES, _CELLS, _TIMEOUTS, _RATES = (0.02, 2.0), (0.1, 10.0), (1.0, 60.0), (1.0, 30.0)
 _OPACITIES = 0.1, 1.0
 _MOST_LINES, _LONGEST_LINE = 30, 500
+#: The place of a text below all controls, also those that are added later.
+_LAST = 1e9
 
 
 class DisplayPanel:
@@ -92,8 +94,8 @@ class RobotPanel:
         self._collision = gui.add_checkbox(
             'Collision', False, hint='the shapes with which programs check for collisions')
         self._opacity = gui.add_slider('Opacity', *_OPACITIES, 0.05, _OPACITIES[1])
-        self._text = gui.add_html('')
-        self._lines: Sequence[str] = ()
+        self._text = gui.add_html('', order=_LAST)
+        self._lines: tuple[Sequence[str], Sequence[str]] = (), ()
 
     @property
     def display(self) -> BodyDisplay:
@@ -101,15 +103,19 @@ class RobotPanel:
         return BodyDisplay(bool(self._visual.value), bool(self._collision.value),
                            within(self._opacity.value, *_OPACITIES))
 
-    def show(self, lines: Sequence[str]) -> None:
-        """Show lines of text; the same object: they have not changed."""
-        if lines is not self._lines:
-            self._lines = lines
-            shown = [*lines[:_MOST_LINES], *[f'and {len(lines) - _MOST_LINES} more lines'] * (
-                len(lines) > _MOST_LINES)]
-            self._text.content = (f'<div style="{STYLE}" data-text="robot">'
-                                  f'{"<br>".join(map(_text, shown))}</div>')
+    def show(self, lines: tuple[Sequence[str], Sequence[str]]) -> None:
+        """Show lines of text, and folded ones; the same object: they have not changed."""
+        if lines is self._lines:
+            return
+        self._lines = lines
+        shown, folded = map(_joined, lines)
+        if folded:
+            shown += ('<details><summary>meshes that are not drawn</summary>'
+                      f'{folded}</details>')
+        self._text.content = f'<div style="{STYLE}" data-text="robot">{shown}</div>'
 
 
-def _text(line: str) -> str:
-    return escape(visible(abbreviated(line, _LONGEST_LINE)))
+def _joined(lines: Sequence[str]) -> str:
+    rest = len(lines) - _MOST_LINES
+    return '<br>'.join(escape(visible(abbreviated(line, _LONGEST_LINE))) for line in [
+        *lines[:_MOST_LINES], *[f'and {rest} more lines'] * (rest > 0)])

@@ -26,7 +26,7 @@ MAX_FACES = 2_000_000
 #: and mostly four times as long for twice as many.
 _PARTS = {'.glb': (b'{', 20_000), '.dae': (b'<', 50_000), '.obj': (b'usemtl', 2000),
           '.stl': (b'solid', 4000)}
-_REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
+REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
 
 
 class Mesh(NamedTuple):
@@ -41,6 +41,10 @@ class MeshError(Exception):
     """A mesh cannot be shown; the text says why, and what to do."""
 
 
+class MissingMesh(MeshError):
+    """The file of a mesh is not found."""
+
+
 class Meshes:
     """The meshes below the directories of a search path, by their file in a description."""
 
@@ -50,11 +54,11 @@ class Meshes:
         self._directories = [Path(os.path.abspath(directory)) for directory in (
             *directories, *(os.path.join(prefix, 'share') for prefix in prefixes if prefix))]
         #: By file; None: it is being loaded.
-        self._loaded: dict[str, Union[Mesh, str, None]] = {}
+        self._loaded: dict[str, Union[Mesh, MeshError, None]] = {}
         self._wanted: SimpleQueue[str] = SimpleQueue()
         self._thread: Optional[Thread] = None
 
-    def get(self, file: str) -> Union[Mesh, str, None]:
+    def get(self, file: str) -> Union[Mesh, MeshError, None]:
         """Return a mesh, or why there is none; None: a thread loads it, ask again later."""
         if file not in self._loaded:
             self._loaded[file] = None
@@ -67,7 +71,7 @@ class Meshes:
     def forget_failures(self) -> None:
         """Try again to load the meshes that could not be loaded, when they are asked for."""
         for file, mesh in [*self._loaded.items()]:
-            if isinstance(mesh, str):
+            if isinstance(mesh, MeshError):
                 del self._loaded[file]
 
     def load(self, file: str) -> None:
@@ -76,7 +80,7 @@ class Meshes:
             try:
                 self._loaded[file] = load(self.find(file))
             except MeshError as error:
-                self._loaded[file] = str(error)
+                self._loaded[file] = error
 
     def _load_wanted(self) -> None:
         while True:
@@ -102,13 +106,13 @@ class Meshes:
         allowed = [path for path in paths if any(
             directory in path.parents for directory in self._directories)]
         if paths and not allowed:
-            raise MeshError(f'it is not below a directory of the search path: {_REMEDY}')
+            raise MeshError(f'it is not below a directory of the search path: {REMEDY}')
         for path in allowed:
             if os.path.isfile(path):  # Path.is_file raises an error for a name that is too long
                 return path
         searched = ', '.join(map(str, self._directories))
-        raise MeshError(f'there is no such file below {searched}: {_REMEDY}' if searched else
-                        f'there is no directory to search: {_REMEDY}')
+        raise MissingMesh(f'there is no such file below {searched}: {REMEDY}' if searched else
+                          f'there is no directory to search: {REMEDY}')
 
 
 def load(path: Path) -> Mesh:

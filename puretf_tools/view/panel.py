@@ -128,9 +128,9 @@ class Panel:
         if self._joint_controls:
             self._joints = Joints(self._gui, tab, self._joint_controls)
 
-    def update_robots(self, lines: Sequence[str], now: float) -> None:
+    def update_robots(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
         """Show lines about the descriptions of robots, and the sliders of their joints."""
-        if lines and self._robot is None:
+        if lines[0] and self._robot is None:
             self._add_robot_tab()
         if self._robot:
             self._robot.show(lines)

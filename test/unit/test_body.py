@@ -11,7 +11,7 @@ from puretf import TransformBuffer
 
 pytest.importorskip('viser')
 pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
-from viewer import CLICK, Page, recorded
+from viewer import CLICK, Page, recorded, Viewer
 
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.descriptions import parsed
@@ -90,7 +90,8 @@ def page():
 def parts(shown):
     """Return the nodes that move with links, each with its shapes."""
     nodes = shown.viewer.nodes
-    return {name: [nodes[each] for each in nodes if each.startswith(f'{name}/')]
+    return {name: [nodes[each] for each in nodes
+                   if each.startswith(f'{name}/') and not each.endswith('/sign')]
             for name in nodes if name.startswith('/robots/') and name.count('/') == 2}
 
 
@@ -288,6 +289,34 @@ def test_missing_meshes(page, tmp_path, monkeypatch):
          '--meshes DIR, where DIR has the package or the file<br>')
     says(shown, 'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
          'file:///PATH are read<')
+    says(shown, '>1 mesh of package pkg is missing: pass --meshes DIR, where DIR has the package '
+         'or the file<')
+
+
+def test_many_missing_meshes(page, tmp_path, monkeypatch):
+    """There is a line for each package, and a sign at the first body; the rest is folded."""
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    body = robot(*(link(name, *((f'<mesh filename="package://{package}/{name}_{i}.stl"/>',)
+                                for package in ('left', 'right') for i in range(20)))
+                   for name in ('base', 'arm')))
+    shown = page(buffer_of('map base', 'base arm'), body, [str(tmp_path)], shapes=80)
+    remedy = 'pass --meshes DIR, where DIR has the package or the file'
+    says(shown, f'<br>40 meshes of package left are missing: {remedy}<br>40 meshes of package '
+         f'right are missing: {remedy}<details>')
+    assert '<br>and 50 more lines</details>' in shown.viewer.text('robot')
+    nodes = shown.viewer.nodes
+    sign, = [node for name, node in nodes.items() if name.endswith('/sign')]
+    assert sign['text'] == '80 meshes not drawn: see the tab Robot'
+    for package in 'left', 'right':
+        (tmp_path / package).mkdir()
+        for name in 'base', 'arm':
+            for i in range(20):
+                (tmp_path / package / f'{name}_{i}.stl').write_bytes(stl(TRIANGLE))
+    viewer = Viewer(shown.server.get_port())  # the page is loaded again
+    viewer.until(lambda: sum('vertices' in node for node in viewer.nodes.values()) == 80,
+                 shown.update)
+    assert 'missing' not in viewer.text('robot')
+    viewer.close()
 
 
 FOUND = 'inside'
@@ -399,12 +428,12 @@ def test_a_mesh_that_comes_later(tmp_path):
     """It is loaded after `forget_failures`, which runs when a page is loaded."""
     meshes = Meshes([str(tmp_path)])
     meshes.load('package://pkg/a.stl')
-    assert isinstance(meshes.get('package://pkg/a.stl'), str)
+    assert isinstance(meshes.get('package://pkg/a.stl'), MeshError)
     (tmp_path / 'pkg').mkdir()
     (tmp_path / 'pkg' / 'a.stl').write_bytes(stl(TRIANGLE))
     meshes.forget_failures()
     meshes.load('package://pkg/a.stl')
-    assert not isinstance(meshes.get('package://pkg/a.stl'), str)
+    assert not isinstance(meshes.get('package://pkg/a.stl'), MeshError)
 
 
 def test_a_mesh_reads_no_other_file(tmp_path):
