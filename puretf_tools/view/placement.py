@@ -20,6 +20,10 @@ SPACING = 2.0
 #: Frames that are farther than this from the origin of the scene are drawn at this distance (m): a
 #: browser computes in float32, and much larger numbers would become infinite.
 REACH = 1e6
+#: The largest distance of frames from an origin that is not the fixed frame (m), and the side of
+#: the cubes that are searched for most frames: in float32, 10 km have 1 mm.
+_FARTHEST, _TILE = 1e9, 1e4
+_MOST_ORIGINS = 100
 #: If no viewer has chosen a fixed frame, it is the first of these that exists.
 PREFERRED = 'map', 'odom', 'world', 'base_link'
 #: The largest number of frames that are shown.
@@ -38,6 +42,9 @@ class Placement(NamedTuple):
     parents: list[int]  #: (n,): the index of the parent in `names`, or -1
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
     points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), within `REACH`
+    #: (3,): where the scene has its origin, in the fixed frame (m): it is where most frames are,
+    #: if these are far from the fixed frame.
+    origin: NDArray[np.float64]
     stamps: list[int]  #: (n,): ns; 0: the pose is valid at all times
     ages: NDArray[np.float64]  #: (n,): s, see `silent_frames.ages`
     silences: dict[str, float]  #: by name: s since the last new stamp; 0 if the frame is static
@@ -68,6 +75,7 @@ class FrameWatcher:
 
     def __init__(self, buffer: AnyBuffer, clock: Callable[[], float] = monotonic) -> None:
         self._buffer, self._freshness = buffer, Freshness(clock)
+        self._origins: dict[str, NDArray[np.float64]] = {}  # of the scene, by fixed frame
 
     def placement(self, fixed: str = '', until: int = 0) -> Placement:
         """
@@ -76,6 +84,15 @@ class FrameWatcher:
         :param fixed: the fixed frame; if no tree has it, another one is chosen.
         :param until: the time (ns); 0: the latest time.
         """
+        found = self._placement(fixed, until)
+        if fixed == found.fixed or found.fixed not in found.far:
+            return found
+        # Nobody has chosen this fixed frame, such as the centre of the Earth.
+        near = [name for name in found.names
+                if name not in found.far and found.anchor_of(name)[0] == found.fixed]
+        return self._placement(min(near, key=_preference, default=''), until) if near else found
+
+    def _placement(self, fixed: str, until: int) -> Placement:
         with self._buffer.updated():
             known = {frame.name: frame for frame in self._buffer.frames(until)}
             silences = self._freshness.silences(known, until)
@@ -101,6 +118,8 @@ class FrameWatcher:
                           for _, _, pose in placed]).reshape(-1, 7)
         places = poses[:, :3].copy()
         places[:, 1] += [y for y, _, _ in placed]
+        origin = self._origin(fixed, places)
+        places -= origin
         points = within_reach(places)
         is_far = (points != places).any(axis=1)
         silences = {name: silences[name] for name in frames}
@@ -109,7 +128,8 @@ class FrameWatcher:
             fixed=fixed, names=names,
             parents=[index.get(frames[name].parent, -1) if name in frames else -1
                      for name in names],
-            poses=poses, points=points, stamps=[pose.stamp for _, _, pose in placed],
+            poses=poses, points=points, origin=origin,
+            stamps=[pose.stamp for _, _, pose in placed],
             ages=np.array([age_of[name] for name in names]), silences=silences,
             frames=frames, trees=trees, deepest=_deepest(frames, root, index), loops=forest.loops,
             far=[name for name, far in zip(names, is_far) if far],
@@ -117,9 +137,29 @@ class FrameWatcher:
             gone=_count(known) - _count(kept),
             left_out=[name for name in root_of if name not in shown])
 
+    def _origin(self, fixed: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the origin of the scene; it stays while most frames are near it."""
+        tiles = Counter({(0.0, 0.0, 0.0): 0})
+        near = places[(np.abs(places) < _FARTHEST).all(axis=1)]
+        tiles.update(map(tuple, np.round(near / _TILE).tolist()))
+        (tile, _), = tiles.most_common(1)
+        if not any(tile):
+            return np.zeros(3)
+        middle = near[(np.round(near / _TILE) == tile).all(axis=1)].mean(axis=0)
+        before = self._origins.get(fixed, middle)
+        if len(self._origins) > _MOST_ORIGINS or np.abs(middle - before).max() > _TILE:
+            self._origins.clear()
+            before = middle
+        return self._origins.setdefault(fixed, before)
+
     def watch(self) -> None:
         """Remember when the frames were updated, as `placement` does for the latest time."""
         self._freshness.silences({frame.name: frame for frame in self._buffer.frames()})
+
+
+def _preference(name: str) -> int:
+    return PREFERRED.index(name) if name in PREFERRED else len(PREFERRED)
+
 
 def _count(frames: dict[str, Frame]) -> int:
     """Return the number of frames, and of their parents that have no parent."""

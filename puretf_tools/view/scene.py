@@ -196,8 +196,13 @@ class Scene:
 
 def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],
             direction: Sequence[float] = VIEWS['all']) -> None:
-    """Move cameras so that some frames are visible, seen from a direction (x, y, z)."""
-    points = placement.points[[name in names for name in placement.names]]
+    """
+    Move cameras so that some frames are visible, seen from a direction (x, y, z).
+
+    Frames that are drawn nearer than they are do not count, unless there are no others.
+    """
+    near = [*names] if {*names} <= {*placement.far} else {*names} - {*placement.far}
+    points = placement.points[[name in near for name in placement.names]]
     if not len(points):
         return
     middle = (points.min(axis=0) + points.max(axis=0)) / 2

@@ -1,6 +1,7 @@
 """The trail: the recent path of a frame, in pieces, of which only the newest one grows."""
 
 from collections.abc import Mapping
+from typing import Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +34,12 @@ class Trail:
         self._points = np.empty((0, 3))
 
     def draw(self, target: str, frame: str, end: int, point: NDArray[np.float64],
-             y: float = 0.0) -> Pieces:
+             shift: Union[tuple[float, ...], NDArray[np.float64]] = (0.0, 0.0, 0.0)) -> Pieces:
         """
         Return the pieces of the path, the oldest first; each call can add points to it.
 
         :param point: (3,): the position at the time `end` (ns), x, y, z (m).
-        :param y: that of the target in the scene (m).
+        :param shift: the position of the target in the scene (m).
         :returns: lines in the scene, none at unknown times.
         """
         first = max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE)
@@ -57,7 +58,7 @@ class Trail:
             self._points = np.concatenate([self._points, [point]])
         kept = self._times >= first
         self._times, self._points = self._times[kept], self._points[kept]
-        points = within_reach(np.concatenate([self._points, [point]]) + (0.0, y, 0.0))
+        points = within_reach(np.concatenate([self._points, [point]]) + shift)
         lines = np.stack([points[:-1], points[1:]], axis=1)
         known = np.isfinite(lines).all(axis=(1, 2))
         numbers, begins = np.unique(self._times[known] // _PIECE, return_index=True)
@@ -69,4 +70,5 @@ class Trail:
             return {}
         i = placement.names.index(name)
         anchor, y = placement.anchor_of(name)
-        return self.draw(anchor, name, placement.stamps[i], placement.poses[i, :3], y)
+        return self.draw(anchor, name, placement.stamps[i], placement.poses[i, :3],
+                         (0.0, y, 0.0) - placement.origin)

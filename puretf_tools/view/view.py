@@ -1,10 +1,12 @@
 """The page: the scene and the panel, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from time import monotonic
 from typing import Any, Optional
 
 import numpy as np
+from numpy.typing import NDArray
 import viser
 
 from puretf import SECOND, TransformBuffer
@@ -38,7 +40,7 @@ class View:
         self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
-        self._viewers: dict[int, Viewer] = {}
+        self.viewers: dict[int, Viewer] = {}
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
         self._hint, self._next_hint = '', 0.0
         server.gui.set_panel_label(feed.name)
@@ -53,8 +55,8 @@ class View:
         if self._feed.joint_controls:
             self._feed.joint_controls.update(descriptions)
         clients = self._server.get_clients()
-        for gone in self._viewers.keys() - clients.keys():
-            self._viewers.pop(gone).close()
+        for gone in self.viewers.keys() - clients.keys():
+            self.viewers.pop(gone).close()
         placements: dict[tuple[str, int], Placement] = {}
 
         def place(*request: Any) -> Placement:
@@ -63,13 +65,13 @@ class View:
             return placements[request]
 
         for number, client in clients.items():
-            if number not in self._viewers:
+            if number not in self.viewers:
                 self._meshes.forget_failures()
-                self._viewers[number] = Viewer(
+                self.viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes)
-            if not self._viewers[number].is_due(now):
+            if not self.viewers[number].is_due(now):
                 continue
-            self._viewers[number].update(place, until, now, self._hint, descriptions)
+            self.viewers[number].update(place, until, now, self._hint, descriptions)
         if not until and not placements:
             self._watcher.watch()
 
@@ -87,6 +89,7 @@ class Viewer:
         self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
         self._shown: tuple[str, int] = '', 0  # the request for a paused placement
+        self._origin: tuple[str, NDArray[np.float64]] = '', np.zeros(3)  # and the fixed frame
         self._paused_at = 0  # the time that a paused page shows (ns)
         #: The last seconds before a pause; None: the page is not paused, or there are no frames.
         self._copy: Optional[FrameWatcher] = None
@@ -137,6 +140,13 @@ class Viewer:
         self._panel.pair.buffer = self._buffer = buffer
         self._trail = Trail(buffer)
 
+    def _keep_camera(self, placement: Placement) -> None:
+        """Let the camera move with the origin of the scene, if this is a new one."""
+        before, self._origin = self._origin, (placement.fixed, placement.origin)
+        if before[0] == placement.fixed and (shift := before[1] - placement.origin).any():
+            with suppress(Exception):  # the camera is not known yet
+                self._cameras[0].position = self._cameras[0].position + shift
+
     def update(self, place: Callable[[str, int], Placement], until: int, now: float, hint: str,
                descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
@@ -149,6 +159,7 @@ class Viewer:
         panel = self._panel
         self._next = now + panel.display.period
         placement = self._placement = self._place(place, until)
+        self._keep_camera(placement)
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])

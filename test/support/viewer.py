@@ -131,6 +131,12 @@ class Viewer:
                 for name, node in self.nodes.items()
                 if name.startswith('/names/') and node.get('visible')}
 
+    def distance(self) -> float:
+        """Return how far the camera was set from its target (m); 0.0: not yet."""
+        position, target = (self.last.get(f'SetCamera{name}Message', {}).get(key) for name, key in
+                            (('Position', 'position'), ('LookAt', 'look_at')))
+        return float(np.linalg.norm(np.subtract(position, target))) if position and target else 0.0
+
     def trail(self) -> Any:
         """Return the lines of the trail: (m, 2, 3), the oldest first."""
         pieces = sorted((int(name.split('/')[2]), node['points'])
@@ -175,7 +181,16 @@ class Page:
             props.get('label') == 'Focus on all frames' for props in self.viewer.gui.values()))
 
     def update(self):
-        """Update the page as time passes: enough for the texts, not for a frame to fade."""
+        """
+        Update the page as time passes: enough for the texts, not for a frame to fade.
+
+        Before, the viewer handles the last update.
+        """
+        for _ in range(20):
+            if all(viewer.is_due(np.inf) for viewer in self.view.viewers.values()):
+                break
+            with suppress(TimeoutError):
+                self.viewer.receive(0.01)
         self.clock[0] += 0.01
         self.view.update()
 

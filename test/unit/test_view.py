@@ -258,6 +258,49 @@ def test_what_is_far_is_drawn_nearer(place):
         assert point == pytest.approx(1e6 * direction / np.linalg.norm(direction), abs=2.0)
 
 
+def earth(root):
+    """Return a buffer with a robot that is far from the root of its tree."""
+    buffer = TransformBuffer()
+    buffer.insert(T, root, 'map', pose(448_000.25, 5_300_000.5), is_static=True)
+    for parent, child in ('map', 'base'), ('base', 'hand'), ('hand', 'tip'):
+        buffer.insert(T, parent, child, pose(0.1, 0.2, 0.3), is_static=parent != 'map')
+    return buffer
+
+
+def test_a_robot_far_from_the_fixed_frame():
+    """The scene has its origin at the robot, so that float32 numbers have all digits."""
+    buffer = earth('utm')
+    watcher = FrameWatcher(buffer)
+    placement = watcher.placement()
+    assert (placement.fixed, placement.far) == ('map', ['utm'])
+    assert not placement.origin.any()
+    placement = watcher.placement('utm')
+    assert (placement.fixed, placement.far) == ('utm', ['utm'])
+    points = dict(zip(placement.names, placement.points))
+    assert np.abs(points['map']).max() < 1.0
+    assert points['tip'] - points['base'] == pytest.approx([0.2, 0.4, 0.6], abs=1e-8)
+    for x in range(0, 100_000, 1000):
+        before = placement.origin
+        buffer.insert(T + 1 + x, 'map', 'base', pose(x))
+        placement = watcher.placement('utm')
+        points = dict(zip(placement.names, placement.points))
+        assert points['tip'] - points['base'] == pytest.approx([0.2, 0.4, 0.6], abs=1e-8)
+        assert np.linalg.norm(points['base']) < 20_000
+        assert np.linalg.norm(placement.origin - before) in (0.0, pytest.approx(11_000, abs=2000))
+
+
+def test_the_proposed_fixed_frame_is_near():
+    """A frame that is drawn at the border is no fixed frame, unless a viewer wants it."""
+    for root, fixed in ('world', 'map'), ('earth', 'map'):
+        assert FrameWatcher(earth(root)).placement().fixed == fixed
+    buffer = TransformBuffer()
+    buffer.insert(T, 'world', 'a', pose(6.4e6), is_static=True)
+    arm(buffer, T, 'a', 'b', 'c')
+    placement = FrameWatcher(buffer).placement()
+    assert (placement.fixed, placement.far) == ('a', ['world'])
+    assert FrameWatcher(buffer).placement('world').fixed == 'world'
+
+
 def test_what_is_not_finite_is_not_drawn():
     """Such frames are listed with their descendants, of which none is drawn."""
     buffer = TransformBuffer()
@@ -515,7 +558,7 @@ def test_a_page_of_what_is_far(page, clock, place):
                   viewer.trail(), camera.position, camera.look_at):
         assert np.isfinite(drawn).all()
         assert np.abs(drawn).max() < 1e8
-    assert 1e6 < camera.far < 1e12
+    assert 1e3 <= camera.far < 1e12
 
 
 def test_trees_that_change(page):
@@ -689,6 +732,28 @@ def test_the_camera_moves_to_frames(page):
     shown.until(lambda: camera()[0][2] < height - 0.5 and 3.0 < camera()[1] < 4.0)
 
 
+@pytest.mark.parametrize('fixed', ['(automatic)', 'utm'])
+def test_the_camera_and_a_frame_that_is_far(page, fixed):
+    """It does not count, so that the robot is seen; the trail and the names are there, too."""
+    buffer = earth('utm')
+    for i in range(40):
+        buffer.insert(T + i * S // 10, 'map', 'base', pose(i / 10))
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.set('Fixed frame', fixed)
+    shown.until(lambda: 'away, drawn at that distance: utm<' in viewer.text('overview'))
+    shown.until(lambda: viewer.detail('fixed') == fixed.replace('(automatic)', 'map'))
+    shown.set('Trail of', 'base')
+    shown.until(lambda: len(viewer.trail()) > 70 and np.linalg.norm(
+        viewer.trail()[-1, 1] - viewer.names()['base']) < 1e-3)
+    shown.viewer.set('Focus on all frames', True)
+    shown.until(lambda: 0.0 < viewer.distance() < 30.0)
+    target = viewer.last['SetCameraLookAtMessage']['look_at']
+    for name in 'base', 'tip':
+        assert np.linalg.norm(np.subtract(viewer.names()[name], target)) < 10.0
+    assert np.diff(viewer.trail()[:, 0, 0]) == pytest.approx(0.05, abs=1e-4)
+
+
 def test_focus_without_frames(page):
     """Nothing moves, and the viewer stays connected."""
     shown = page(live(TransformBuffer()))
@@ -764,8 +829,12 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
     def before(add):
         def with_update(*args, **kwargs):
             async def update(event):
-                if event.client_id is not None:
-                    shown.update()
+                if event.client_id is None:
+                    return
+                (drawn,) = shown.view.viewers.values()
+                if drawn.is_due(shown.clock[0] + 1.0):
+                    shown.clock[0] += 1.0
+                    shown.view.update()
                     done.append(event.target.label)
 
             control = add(*args, **kwargs)
@@ -785,6 +854,7 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
     values = {'Frame': 'map', 'Fixed frame': 'base', 'Show names': False, 'Show the frame': False,
               'Axis length (m)': 1.0, 'Publish': True}
     for label, value in values.items():
+        shown.step()  # so that the next update is due
         viewer.set(label, value)
         viewer.until(lambda: label in done)  # noqa: B023
     shown.until(lambda: publisher.sent == ['hand'])
