@@ -30,7 +30,7 @@ _LONGEST_END = 0.5
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOption] = None,
             namespace: str = '', export: Optional[str] = None,
-            duration: Optional[float] = None, meshes: Sequence[str] = (), *,
+            duration: Optional[float] = None, meshes: Sequence[str] = (), follow: str = '', *,
             ros_args: Sequence[str] = ()) -> int:
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
     if duration is not None and export is None:
@@ -39,6 +39,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if bag:
         feed = BagFeed(TransformBuffer(2**63 - 1, max_samples=None), Path(bag.paths[0]).name)
+        feed.follow = follow
         if path:
             with bag.opened() as opened:
                 read_into(feed, opened)
@@ -50,6 +51,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         from puretf_tools.cli.node import spinning_node
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
+            live.follow = follow
             if path:
                 _export(recorded_live(live, seconds, meshes), live, path)
             else:
@@ -153,4 +155,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
                         help='with --export: how long to record, from the first transform on '
                              f'(default: {_EXPORTED_TIME:g}; of a bag, all)')
+    parser.add_argument('--follow', default='', metavar='FRAME',
+                        help='a frame that stays in the picture while it drives')
     return run(parser, command, args)

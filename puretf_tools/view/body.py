@@ -15,7 +15,7 @@ from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display, rounded
 from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
-from puretf_tools.view.viser_private import Move, set_pose
+from puretf_tools.view.viser_private import Move, set_pose, WORLD
 
 #: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
 MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
@@ -170,7 +170,7 @@ class Body:
         """Draw a part at a pose; return True if a mesh is found to be missing."""
         if part.node is None:
             part.node = self._scene.add_frame(
-                f'/robots/{self._next_node}', show_axes=False, visible=False)
+                f'{WORLD}/robots/{self._next_node}', show_axes=False, visible=False)
             self._next_node += 1
         if pose != part.pose:
             part.pose = pose

@@ -5,12 +5,15 @@ from socket import create_server
 import sys
 from typing import NamedTuple
 
+import numpy as np
+
 from puretf_tools.view.axes import Display
 from puretf_tools.view.body import BodyDisplay, mesh_files
+from puretf_tools.view.camera import look_at
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import FrameWatcher, Placement
-from puretf_tools.view.scene import look_at, MOST_NAMES, Scene
+from puretf_tools.view.scene import MOST_NAMES, Scene
 from puretf_tools.view.trail import Pieces, Trail
 from puretf_tools.view.viser_private import Server
 
@@ -58,20 +61,22 @@ class Recording:
         """
         server = Server(create_server(('127.0.0.1', 0)), lambda headers: 'there is no page here')
         try:
-            descriptions = self._feed.descriptions()
+            descriptions, follow = self._feed.descriptions(), self._feed.follow
             for file in mesh_files(descriptions.values()):
                 self._meshes.load(file)
             scene = Scene(server, self._meshes)
             scene.body.at_a_time = sys.maxsize  # nobody waits
-            # Only the first position of the camera counts, and at the end most frames are known.
-            placement = self.moments[-1].placement
-            look_at(placement, Display().shown(placement), [server.initial_camera])
+            # Only the first position of the camera counts: it shows where all frames will go.
+            look_at(np.concatenate([
+                scene.seen(placement, Display().shown(placement))
+                for _, placement, _ in self.moments[:1 if follow else None]]),
+                    [server.initial_camera])
             serializer, before = server.get_scene_serializer(), self.moments[0].time
             for time, placement, trail in self.moments:
                 on_progress(time - self.moments[0].time)
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
-                           placement.deepest, trail, descriptions, BodyDisplay())
+                           placement.deepest, trail, descriptions, BodyDisplay(), follow)
                 scene.move()
                 before = time
             serializer.insert_sleep(PERIOD)  # before the loop begins again

@@ -81,6 +81,7 @@ class Feed:
     player: Optional[Player] = None  #: the playback clock of a bag; None if the frames are live
     hand_publisher: Optional[HandPublisher] = None  #: None for a bag: nothing can be published
     joint_controls: Optional[JointControls] = None  #: None for a bag
+    follow: str = ''  #: the frame that stays in the picture, until a viewer chooses another one
     #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). It is empty
     #: until the bag has been examined.
     findings: Sequence[tuple[str, int]] = ()

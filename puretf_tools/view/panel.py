@@ -63,6 +63,10 @@ class Panel:
                 gui, 'Frame', 'the frame whose details are shown; to select a frame, you can also '
                 'click on its axes or in the tree')
             self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
+            self.follow = FrameChoice(
+                gui, 'Follow', 'the frame that stays in the picture while it drives')
+            self._follows_yaw = gui.add_checkbox(
+                'Follow its yaw', False, hint='the scene turns with the frame')
             button = gui.add_button('Focus on the frame')
             button.on_click(partial(self._on_focus, 'frame'))
             self._details = gui.add_html('')
@@ -101,8 +105,9 @@ class Panel:
         """
         if names != self._options and now >= self._next_options:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
-            for choice in self.fixed, self.trail, self.selected:
+            for choice in self.fixed, self.trail, self.selected, self.follow:
                 choice.set_options(names)
+            self.follow.propose(self._feed.follow)
             self.pair.set_frames(names)
             self.hand_frame.set_frames(names)
         self.fixed.propose(placement.fixed)
@@ -115,6 +120,11 @@ class Panel:
         for choice in self.trail, self.selected:
             choice.propose(self._proposal)
         self.display.show_names(len(placement.names) <= MOST_NAMES)
+
+    @property
+    def follows_yaw(self) -> bool:
+        """Whether the scene turns with the frame that it follows."""
+        return bool(self._follows_yaw.value)
 
     @property
     def body(self) -> BodyDisplay:

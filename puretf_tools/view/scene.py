@@ -1,24 +1,23 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
-from typing import Any, Optional, Union
+from collections.abc import Callable, Collection, Mapping
+from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
 import viser
 
 from puretf import comma_list, shortened
+from puretf.rotations import euler_from_quaternion
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Axes, axes, Display, Lines, lines, rounded
 from puretf_tools.view.body import Body, BodyDisplay
-from puretf_tools.view.display import VIEWS
 from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.trail import Pieces
-from puretf_tools.view.viser_private import Move, set_pose
+from puretf_tools.view.viser_private import Move, set_pose, WORLD
 
 #: If there are more frames, their names are not shown until a viewer wants them.
 MOST_NAMES = 50
@@ -36,22 +35,6 @@ _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
 #: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
 #: one label shows both names, since two labels would overlap.
 _NEAR = 0.34
-#: The camera shows a sphere around all frames. The radius of the sphere is at least this (m).
-_SMALLEST_VIEW = 0.5
-#: The camera sees this many metres or radii of the sphere, whichever is more.
-_FAR = 1000.0
-#: The vertical field of view of the camera (rad).
-_ANGLE = 0.8
-#: The distance of the camera from the middle of the sphere, in radii of the sphere.
-_DISTANCE = 4.4
-#: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
-#: fraction of the distance the camera looks below the middle.
-_FAR_DISTANCE, _BELOW = 7.0, 0.24
-#: The camera is shifted to the right by half of this width, since the panel covers the right side
-#: of the page; and the height of a page that is not known (pixels).
-_PANEL, _HEIGHT = 390.0, 900.0
-
-
 #: The text of a label, and its position (x, y, z; m).
 _Label = tuple[str, NDArray[np.float64]]
 
@@ -62,6 +45,13 @@ class Scene:
     def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer], meshes: Meshes
                  ) -> None:
         self._scene, self._owner = owner.scene, owner
+        #: Everything is drawn in this node; its yaw (rad) and its position in the scene (m).
+        self._world = owner.scene.add_frame(WORLD, show_axes=False)
+        self._yaw, self._shift = 0.0, np.zeros(3)
+        #: The frame that the world follows, and whether with its yaw; where this frame stays in
+        #: the scene: the position (m) and the yaw (rad).
+        self._followed = '', False
+        self._held = np.zeros(3), 0.0
         self._grid: Optional[viser.LineSegmentsHandle] = None
         self._shown_grid = 0.0, False  # its cell (m), and whether it is dark
         self._axes: Optional[viser.BatchedAxesHandle] = None
@@ -81,14 +71,18 @@ class Scene:
 
     def show(self, placement: Placement, display: Display, selected: str,
              trail: Pieces, descriptions: Mapping[str, DescriptionOrWhy],
-             body: BodyDisplay) -> None:
+             body: BodyDisplay, follow: str = '', with_yaw: bool = False) -> None:
         """
         Show frames, a trail, and the bodies of robots, but do not `move` names and bodies yet.
 
         A browser draws what `move` sends in the next picture, and all else one picture later.
+
+        :param follow: the frame that stays where it is in the scene; '': the fixed frame does.
+        :param with_yaw: whether it keeps its yaw, too.
         """
         with self._owner.atomic():
             self._frame_names = placement.names
+            self._follow(placement, follow, with_yaw)
             self._show_grid(display.cell, display.is_dark)
             self._show_axes(axes(placement, display, selected), display.size, display.with_axes)
             self._show_lines(lines(placement, display), display.with_lines)
@@ -103,6 +97,39 @@ class Scene:
                 set_pose(*each)
         self._moves.clear()
 
+    def in_scene(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where points (n, 3) of a placement are in the scene (m)."""
+        cos, sin = np.cos(self._yaw), np.sin(self._yaw)
+        result: NDArray[np.float64] = points @ np.array(
+            [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + self._shift
+        return result
+
+    def seen(self, placement: Placement, names: Collection[str]) -> NDArray[np.float64]:
+        """
+        Return where frames are in the scene (m): (n, 3).
+
+        Those that are drawn nearer than they are do not count, unless there are no others.
+        """
+        near = {*names} - {*placement.far} or names
+        return self.in_scene(placement.points[[name in near for name in placement.names]])
+
+    def _follow(self, placement: Placement, name: str, with_yaw: bool) -> None:
+        if name not in placement.names:
+            return
+        i = placement.names.index(name)
+        *_, yaw = euler_from_quaternion((*placement.poses[i, 3:].tolist(),))
+        if self._followed != (name, with_yaw):
+            self._followed = name, with_yaw
+            self._held = self.in_scene(placement.points[[i]])[0], self._yaw + yaw
+        place, heading = self._held
+        self._shift = np.zeros(3)
+        if with_yaw:
+            self._yaw = heading - yaw
+        self._shift = place - self.in_scene(placement.points[[i]])[0]
+        x, y, z = self._shift.tolist()
+        self._moves.append((self._world, (x, y, z), (
+            float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2)))))
+
     def _show_grid(self, cell: float, is_dark: bool) -> None:
         if (cell, is_dark) == self._shown_grid:
             return
@@ -110,7 +137,7 @@ class Scene:
         if self._grid is not None:
             self._grid.remove()
         self._grid = self._scene.add_line_segments(
-            '/grid', _grid(cell), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
+            f'{WORLD}/grid', _grid(cell), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
             thickness_units='screen') if cell else None
 
     def _show_axes(self, new: Axes, size: float, are_visible: bool) -> None:
@@ -120,7 +147,7 @@ class Scene:
             return
         if self._axes is None:
             self._axes = self._scene.add_batched_axes(
-                '/frames', new.wxyzs, new.positions, new.scales, axes_length=size,
+                f'{WORLD}/frames', new.wxyzs, new.positions, new.scales, axes_length=size,
                 axes_radius=size * _AXIS_RADIUS)
             self._axes.on_click(self._click)
         for name, values in new._asdict().items():
@@ -136,14 +163,15 @@ class Scene:
             return
         if self._lines is None:
             self._lines = self._scene.add_line_segments(
-                '/lines', new.points, new.colors, thickness=_LINE_WIDTH, thickness_units='screen')
+                f'{WORLD}/lines', new.points, new.colors, thickness=_LINE_WIDTH,
+                thickness_units='screen')
         self._lines.points, self._lines.colors = new.points.astype(np.float32), new.colors
         self._lines.visible = are_visible
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedAxesHandle]') -> None:
-        names = self._frame_names
-        if isinstance(event.instance_index, int) and names:
-            self.clicks.append(names[event.instance_index % len(names)])
+        names, index = self._frame_names, event.instance_index
+        if isinstance(index, int) and 0 <= index < len(names):
+            self.clicks.append(names[index])
 
     def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
         texts = _texts(placement, display) if display.with_names else []
@@ -154,7 +182,7 @@ class Scene:
             first = [selected, *(name for name, label in self._labels.items() if label.visible)]
             shown = _without_overlap(
                 {**{name: shown[name] for name in first if name in shown}, **shown},
-                self._owner.camera)
+                self._owner.camera, self.in_scene)
         for name in self._labels.keys() - shown.keys():
             self._labels[name].visible = False
         for name in self._labels.keys() - {*placement.names}:
@@ -162,7 +190,8 @@ class Scene:
         for name, (text, position) in shown.items():
             if name not in self._labels:
                 self._labels[name] = self._scene.add_label(
-                    f'/names/{self._label_count}', text, visible=False, anchor='bottom-left')
+                    f'{WORLD}/names/{self._label_count}', text, visible=False,
+                    anchor='bottom-left')
                 self._label_count += 1
             label = self._labels[name]
             label.text = text
@@ -189,49 +218,9 @@ class Scene:
                 piece.points, piece.colors = new, colours
             else:
                 piece = self._scene.add_line_segments(
-                    f'/trail/{number}', new, colours, thickness=_TRAIL_WIDTH,
+                    f'{WORLD}/trail/{number}', new, colours, thickness=_TRAIL_WIDTH,
                     thickness_units='screen')
             self._trail[number] = newest, new, piece
-
-
-def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],
-            direction: Sequence[float] = VIEWS['all']) -> None:
-    """
-    Move cameras so that some frames are visible, seen from a direction (x, y, z).
-
-    Frames that are drawn nearer than they are do not count, unless there are no others.
-    """
-    near = [*names] if {*names} <= {*placement.far} else {*names} - {*placement.far}
-    points = placement.points[[name in near for name in placement.names]]
-    if not len(points):
-        return
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
-    away = np.array(direction) / np.linalg.norm(direction) * radius
-    right = np.cross((0.0, 0.0, 1.0), away)
-    width, height = _image_size(cameras[0])
-    if width < height:
-        away *= _FAR_DISTANCE
-        up = np.cross(away, right)
-        middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
-    else:
-        away *= _DISTANCE
-        middle += (right / np.linalg.norm(right) * np.linalg.norm(away)
-                   * np.tan(_ANGLE / 2) * _PANEL / height)
-    for each in cameras:
-        # viser fails if the client has sent an invalid pose.
-        with suppress(Exception), np.errstate(all='ignore'):
-            each.position, each.look_at = middle + away, middle
-            each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
-
-
-def _image_size(camera: Any) -> tuple[float, float]:
-    """Return the width and the height of the page of a camera (pixels)."""
-    with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
-        width, height = float(camera.image_width), float(camera.image_height)
-        if width > 0.0 and 1.0 <= height < 1e5:
-            return width, height
-    return 2 * _HEIGHT, _HEIGHT
 
 
 def _grid(cell: float) -> NDArray[np.float64]:
@@ -269,12 +258,15 @@ def _texts(placement: Placement, display: Display) -> list[str]:
     return texts
 
 
-def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle) -> dict[str, _Label]:
-    """Leave out labels that would cover earlier ones, as seen by a camera."""
+def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
+                     in_scene: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+                     ) -> dict[str, _Label]:
+    """Leave out labels that would cover earlier ones, as seen by a camera in the scene."""
     if not labels:
         return labels
     try:
-        points = np.array([position for _, position in labels.values()]) - camera.position
+        points = in_scene(
+            np.array([position for _, position in labels.values()])) - camera.position
         # The camera looks along its z axis; its y axis points down (as in viser's documentation).
         x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points).T
         focal = camera.image_height / 2 / np.tan(camera.fov / 2)

@@ -12,15 +12,16 @@ import viser
 from puretf import SECOND, TransformBuffer
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display
+from puretf_tools.view.camera import FirstCamera, look_at
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.pace import Pace
-from puretf_tools.view.panel import Panel, SETTLING
+from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
-from puretf_tools.view.scene import look_at, Scene
+from puretf_tools.view.scene import Scene
 from puretf_tools.view.trail import Trail
 from puretf_tools.view.viser_private import receive_at_once, Server
 
@@ -28,6 +29,8 @@ from puretf_tools.view.viser_private import receive_at_once, Server
 _TEXT_PERIOD = 0.2
 #: The time between two updates of the hint at other topics (s).
 _HINT_PERIOD = 1.0
+#: The number of moments of a bag that the first camera shows.
+_MOMENTS = 30
 
 
 class View:
@@ -41,6 +44,7 @@ class View:
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
+        self._path = np.empty((0, 3))  # where the frames of a bag are at some moments (m)
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
         self._hint, self._next_hint = '', 0.0
         server.gui.set_panel_label(feed.name)
@@ -69,11 +73,26 @@ class View:
                 self._meshes.forget_failures()
                 self.viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes)
+                self.viewers[number].first_camera.extend(self._path)
             if not self.viewers[number].is_due(now):
                 continue
             self.viewers[number].update(place, until, now, self._hint, descriptions)
         if not until and not placements:
             self._watcher.watch()
+        self._follow_the_bag()
+
+    def _follow_the_bag(self) -> None:
+        """When the bag has been read, let the first cameras show where its frames go."""
+        player = self._feed.player
+        if len(self._path) or not (player and player.is_whole and player.length and self.viewers):
+            return
+        placements = [self._watcher.placement('', time) for time in np.linspace(
+            player.begin, player.end, _MOMENTS).astype(np.int64).tolist()]
+        self._path = np.concatenate([np.empty((0, 3)), *(
+            placement.points[[name not in placement.far for name in placement.names]]
+            for placement in placements)])
+        for viewer in self.viewers.values():
+            viewer.first_camera.extend(self._path)
 
 
 class Viewer:
@@ -102,9 +121,7 @@ class Viewer:
         #: and of the selected frame, the hint at other topics, and the timeout (s).
         self._texts_key: tuple[Optional[Placement], tuple[str, str, str, float]] = (
             None, ('', '', '', 0.0))
-        #: When the camera is moved so that all frames are visible (s, monotonic clock); None until
-        #: there are frames; infinite after this move.
-        self._turn_at: Optional[float] = None
+        self.first_camera = FirstCamera(self._cameras)
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
@@ -175,12 +192,13 @@ class Viewer:
         panel.tree.update(placement, panel.selected.name, hidden, now)
         self._scene.show(placement, display, panel.selected.name,
                          self._trail.pieces(placement, panel.trail.name, display), descriptions,
-                         panel.body)
+                         panel.body, panel.follow.name, panel.follows_yaw)
         panel.update_robots(self._scene.body.lines, now)
         panel.pair.update(self._shown[1] if self._copy else until, now)
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)
-        self._turn_camera(placement, now)
+        self.first_camera.update(
+            self._scene.seen(placement, Display().shown(placement)), now)
         self._pace.when_handled(self._scene.move)
 
     def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
@@ -201,14 +219,6 @@ class Viewer:
             return
         hidden = (frozenset(placement.names) - {self._panel.selected.name} if view == 'frame' else
                   self._panel.tree.hidden(placement))
-        look_at(placement, self._panel.display.display(hidden).shown(placement), self._cameras,
-                VIEWS.get(view, VIEWS['all']))
-
-    def _turn_camera(self, placement: Placement, now: float) -> None:
-        """Move the cameras at once, and once more `SETTLING` seconds after the first frame."""
-        if self._turn_at is None and placement.names:
-            self._turn_at = now + SETTLING
-            look_at(placement, Display().shown(placement), self._cameras)
-        if self._turn_at is not None and now >= self._turn_at:
-            self._turn_at = np.inf
-            look_at(placement, Display().shown(placement), self._cameras)
+        shown = self._panel.display.display(hidden).shown(placement)
+        look_at(self._scene.seen(placement, shown), self._cameras, VIEWS.get(view, VIEWS['all']))
+        self.first_camera.is_over = True

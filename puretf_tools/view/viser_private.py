@@ -48,8 +48,9 @@ _MESSAGES = (
     'TransformControlsUpdateMessage', 'TransformControlsDragEndMessage')
 #: The largest number of messages of an update.
 _LARGEST_UPDATE = 100_000
-#: The only node of the scene that a viewer can move.
-HANDLES = '/hand_frame/handles'
+#: The node in which everything is drawn, and the only one that a viewer can move.
+WORLD = '/world'
+HANDLES = f'{WORLD}/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
 

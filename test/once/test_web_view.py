@@ -58,21 +58,21 @@ def look_at_the_body(page, picture):
 #: After each picture: the largest distance from a body to the next axes (m), and where a body is.
 PICTURES = """() => {
     const nodes = window.__viserMutable.nodeRefFromName;
-    const length = window.__viserSceneTree.getState()['/frames'].message.props.axes_length;
-    let root = nodes['/frames'];
+    const length = window.__viserSceneTree.getState()['/world/frames'].message.props.axes_length;
+    let root = nodes['/world/frames'];
     while (root.parent) root = root.parent;
     const matrix = root.matrix.clone(), place = root.position.clone();
     window.pictures = [];
     root.onAfterRender = () => {
         let mesh = null;
-        nodes['/frames'].traverse(o => { if (o.isInstancedMesh && !mesh) mesh = o; });
+        nodes['/world/frames'].traverse(o => { if (o.isInstancedMesh && !mesh) mesh = o; });
         const frames = [];
         for (let i = 0; i < mesh.count; i += 3) {
             mesh.getMatrixAt(i, matrix);
             const e = matrix.elements, begin = k => e[12 + k] - e[4 + k] * length / 2;
             frames.push(place.clone().set(begin(0), begin(1), begin(2)));
         }
-        const bodies = Object.keys(nodes).filter(key => /^\\/robots\\/\\d+$/.test(key));
+        const bodies = Object.keys(nodes).filter(key => /^\\/world\\/robots\\/\\d+$/.test(key));
         window.pictures.push([Math.max(...bodies.map(key => Math.min(
             ...frames.map(frame => frame.distanceTo(nodes[key].position))))),
             ...nodes[bodies.at(-1)].position.toArray()]);

@@ -28,35 +28,51 @@ _NOTHING_BEYOND_LOOPBACK = (
     '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--disable-background-networking',
     '--disable-component-update', '--disable-sync', '--disable-quic', '--no-first-run')
 _IN_SOFTWARE = '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'
-_SCENE = """() => {
-    const mutable = window.__viserMutable, tree = window.__viserSceneTree.getState();
-    const names = {}, bodies = [];
-    for (const [key, node] of Object.entries(tree))
-        if (key.startsWith('/names/') && node.effectiveVisibility)
-            names[node.message.props.text] = mutable.nodePoseData[key].position;
-        else if (/^\\/robots\\/\\d+$/.test(key) && node.effectiveVisibility)
-            bodies.push(mutable.nodePoseData[key].position);
-    let mesh = null;
-    const isShown = key => tree[key]?.effectiveVisibility;
-    const frames = isShown('/frames') ? mutable.nodeRefFromName['/frames'] : null;
-    frames?.traverse(o => { if (o.isInstancedMesh && !mesh) mesh = o; });
-    const axes = [], length = tree['/frames']?.message.props.axes_length ?? 0.0;
-    for (let i = 0; i < (mesh?.count ?? 0); i++) {
-        const matrix = mesh.matrixWorld.clone();
-        mesh.getMatrixAt(i, matrix);
-        axes.push(Array.from(matrix.elements));
+#: Reads the scene after the next picture: before, what has arrived is only partly drawn.
+_SCENE = """() => new Promise(resolve => {
+    const mutable = window.__viserMutable;
+    let root = mutable.nodeRefFromName['/world/frames'];
+    if (!root) return resolve(scene());
+    while (root.parent) root = root.parent;
+    root.onAfterRender = () => { root.onAfterRender = () => {}; resolve(scene()); };
+    mutable.requestRender();
+    function scene() {
+        const mutable = window.__viserMutable, tree = window.__viserSceneTree.getState();
+        const names = {}, bodies = [];
+        for (const [key, node] of Object.entries(tree))
+            if (key.startsWith('/world/names/') && node.effectiveVisibility)
+                names[node.message.props.text] = mutable.nodePoseData[key].position;
+            else if (/^\\/world\\/robots\\/\\d+$/.test(key) && node.effectiveVisibility)
+                bodies.push(mutable.nodePoseData[key].position);
+        let mesh = null;
+        const isShown = key => tree[key]?.effectiveVisibility;
+        const frames = isShown('/world/frames') ? mutable.nodeRefFromName['/world/frames'] : null;
+        frames?.traverse(o => { if (o.isInstancedMesh && !mesh) mesh = o; });
+        const axes = [], length = tree['/world/frames']?.message.props.axes_length ?? 0.0;
+        for (let i = 0; i < (mesh?.count ?? 0); i++) {
+            const matrix = mesh.matrixWorld.clone();
+            mesh.getMatrixAt(i, matrix);
+            axes.push(Array.from(matrix.elements));
+        }
+        const segments = key => {
+            const found = [];
+            mutable.nodeRefFromName[key]?.traverse(o => {
+                const start = o.geometry?.attributes.instanceStart;
+                if (start && !found.length) found.push(...start.data.array);
+            });
+            return found;
+        };
+        const lines = isShown('/world/lines') ? segments('/world/lines') : [];
+        const trail = Object.keys(tree).filter(key => key.startsWith('/world/trail/')
+            && isShown(key)).sort((a, b) => a.split('/')[3] - b.split('/')[3]).flatMap(segments);
+        return {names, axes, length, lines, bodies, trail};
     }
-    const lines = isShown('/lines') ? Array.from(tree['/lines'].message.props.points) : [];
-    const trail = Object.entries(tree).filter(([key, node]) => key.startsWith('/trail/')
-        && node.effectiveVisibility).sort(([a], [b]) => a.split('/')[2] - b.split('/')[2])
-        .flatMap(([, node]) => Array.from(node.message.props.points));
-    return {names, axes, length, lines, bodies, trail};
-}"""
+})"""
 
 _WHERE = """point => {
     const {camera, canvas, nodeRefFromName} = window.__viserMutable;
     const seen = camera.position.clone().set(...point)
-        .applyMatrix4(nodeRefFromName['/frames'].matrixWorld).project(camera);
+        .applyMatrix4(nodeRefFromName['/world/frames'].matrixWorld).project(camera);
     const {left, top, width, height} = canvas.getBoundingClientRect();
     return [left + (1 + seen.x) / 2 * width, top + (1 - seen.y) / 2 * height];
 }"""

@@ -419,7 +419,7 @@ class _Server:
                 'near': 0.1, 'far': 100.0, 'image_height': 600, 'image_width': 800,
                 'look_at': [0.0, 0.0, 0.0], 'up_direction': [0.0, 0.0, 1.0]},
             'SceneNodeClickMessage': {
-                'name': '/frames', 'instance_index': 1, 'ray_origin': [0.0, 0.0, 0.0],
+                'name': '/world/frames', 'instance_index': 1, 'ray_origin': [0.0, 0.0, 0.0],
                 'ray_direction': [0.0, 0.0, 1.0], 'screen_pos': [0.5, 0.5], 'modifier': None,
                 'owner': ''}}
         self.values = {uuid: self.control(uuid).value for uuid in self.uuids}

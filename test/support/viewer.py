@@ -20,7 +20,7 @@ connect = pytest.importorskip('websockets.sync.client').connect
 CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1.0, 0.0, 0.0, 0.0], 'position': [1, 2, 3],
           'fov': 0.8, 'near': 0.01, 'far': 1000, 'image_height': 6000, 'image_width': 8000,
           'look_at': [0, 0.0, 0], 'up_direction': [0.0, 0.0, 1.0]}
-CLICK = {'type': 'SceneNodeClickMessage', 'name': '/frames', 'instance_index': 1,
+CLICK = {'type': 'SceneNodeClickMessage', 'name': '/world/frames', 'instance_index': 1,
          'ray_origin': [0.0, 0.0, 1.0], 'ray_direction': [0, 0, 1], 'screen_pos': [0.5, 0.5],
          'modifier': None, 'owner': ''}
 
@@ -129,7 +129,7 @@ class Viewer:
         """Return the names that are shown, and their positions (m)."""
         return {node['text']: [*node.get('position', (0.0, 0.0, 0.0))]  # viser's default
                 for name, node in self.nodes.items()
-                if name.startswith('/names/') and node.get('visible')}
+                if name.startswith('/world/names/') and node.get('visible')}
 
     def distance(self) -> float:
         """Return how far the camera was set from its target (m); 0.0: not yet."""
@@ -139,8 +139,8 @@ class Viewer:
 
     def trail(self) -> Any:
         """Return the lines of the trail: (m, 2, 3), the oldest first."""
-        pieces = sorted((int(name.split('/')[2]), node['points'])
-                        for name, node in self.nodes.items() if name.startswith('/trail/'))
+        pieces = sorted((int(name.split('/')[3]), node['points'])
+                        for name, node in self.nodes.items() if name.startswith('/world/trail/'))
         return np.concatenate([[], *(points for _, points in pieces)]).reshape(-1, 2, 3)
 
     def axes(self, key: str) -> Any:
@@ -150,7 +150,7 @@ class Viewer:
         :param key: 'positions', 'wxyzs' or 'scales'.
         """
         width = {'positions': (3,), 'wxyzs': (4,), 'scales': ()}[key]
-        return self.nodes['/frames'][f'batched_{key}'].reshape(-1, *width)
+        return self.nodes['/world/frames'][f'batched_{key}'].reshape(-1, *width)
 
     def close(self) -> None:
         """Disconnect."""

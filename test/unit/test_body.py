@@ -92,7 +92,7 @@ def parts(shown):
     nodes = shown.viewer.nodes
     return {name: [nodes[each] for each in nodes
                    if each.startswith(f'{name}/') and not each.endswith('/sign')]
-            for name in nodes if name.startswith('/robots/') and name.count('/') == 2}
+            for name in nodes if name.startswith('/world/robots/') and name.count('/') == 3}
 
 
 def drawn(shown):
@@ -503,7 +503,7 @@ def test_a_page_that_is_exported_has_all_shapes(tmp_path):
     recording = Recording(feed)
     recording.add(0.0, T)
     names = [message.get('name', '') for _, message in recorded(recording.as_html())['messages']]
-    assert len({name for name in names if name.startswith('/robots/0/')}) == 150
+    assert len({name for name in names if name.startswith('/world/robots/0/')}) == 150
 
 
 def test_a_page_that_is_exported_has_the_body(tmp_path):
@@ -519,4 +519,5 @@ def test_a_page_that_is_exported_has_the_body(tmp_path):
         pages.append([message for _, message in recorded(recording.as_html())['messages']])
     without, with_body = pages
     assert not [each for each in without if 'robots' in str(each.get('name'))]
-    assert [each['name'] for each in with_body if each['type'] == 'MeshMessage'] == ['/robots/0/0']
+    assert [each['name'] for each in with_body if each['type'] == 'MeshMessage'] == [
+        '/world/robots/0/0']

@@ -22,6 +22,7 @@ from puretf_tools.view.viser_private import HANDLES
 
 T = 1_700_000_000 * 10**9
 HALF = 0.5 ** 0.5
+PARENT = HANDLES.rpartition('/')[0]
 START = {'type': 'TransformControlsDragStartMessage', 'name': HANDLES, 'owner': ''}
 END = {**START, 'type': 'TransformControlsDragEndMessage'}
 DRAG = {**START, 'type': 'TransformControlsUpdateMessage', 'wxyz': [1, 0, 0, 0],
@@ -93,8 +94,8 @@ def test_numbers_move_the_handles_and_handles_the_numbers(page):
     page.until(lambda: viewer.nodes[HANDLES].get('wxyz') == pytest.approx([0.5] * 4))
     assert viewer.nodes[HANDLES]['position'] == [1, 2.5, 0]
     assert viewer.nodes[HANDLES]['visible']
-    page.until(lambda: viewer.nodes['/hand_frame'].get('position') == pytest.approx([1, 2, 0]))
-    page.until(lambda: viewer.nodes['/hand_frame'].get('wxyz') == pytest.approx(
+    page.until(lambda: viewer.nodes[PARENT].get('position') == pytest.approx([1, 2, 0]))
+    page.until(lambda: viewer.nodes[PARENT].get('wxyz') == pytest.approx(
         [0, 0, 0, 1], abs=1e-9))
     for message in START, {**DRAG, 'position': [0.1234, -1, 0], 'wxyz': [
             cos(pi / 8), 0.0, 0.0, sin(pi / 8)]}, END:
@@ -102,7 +103,7 @@ def test_numbers_move_the_handles_and_handles_the_numbers(page):
     page.until(lambda: viewer.value('x, y, z (m)') == [0.123, -1, 0])
     page.until(lambda: viewer.value('RPY (°)') == [0, 0, 45])
     page.move('odom', 'base', 4.0)  # the handles stay in their parent
-    page.until(lambda: viewer.nodes['/hand_frame']['position'] == pytest.approx([1, 4, 0]))
+    page.until(lambda: viewer.nodes[PARENT]['position'] == pytest.approx([1, 4, 0]))
     assert viewer.value('x, y, z (m)') == [0.123, -1, 0]
 
 
@@ -132,7 +133,7 @@ def test_wrong_numbers_of_a_viewer(page):
 
 
 @pytest.mark.parametrize('message', [
-    {**START, 'name': '/frames'}, {**DRAG, 'name': '/frames'}, {**END, 'name': '/hand_frame'},
+    {**START, 'name': '/frames'}, {**DRAG, 'name': '/frames'}, {**END, 'name': PARENT},
     {**DRAG, 'position': [float('nan'), 0, 0]}, {**DRAG, 'position': [0, 0]},
     {**DRAG, 'position': ['x', 0, 0]},
     {**DRAG, 'wxyz': [0, 0, 0, 0]}, {**DRAG, 'wxyz': [float('inf'), 0, 0, 0]},

@@ -4,6 +4,7 @@ from contextlib import ExitStack
 import os
 import signal
 
+import numpy as np
 import pytest
 
 from puretf import bag, TransformBuffer
@@ -14,7 +15,7 @@ from puretf_tools.view import feed as feed_module
 from puretf_tools.view.feed import BagFeed
 
 pytest.importorskip('viser')
-from viewer import recorded, update, Viewer
+from viewer import Page, recorded, update, Viewer
 
 from puretf_tools.view.details import details
 from puretf_tools.view.export import Recording
@@ -258,6 +259,42 @@ def test_nonsense_from_a_viewer(controls):
     shown.set('Speed', '1e9')
     assert (shown.after(1.0), shown.player.speed) == (10.0, 1.0)
     assert shown.viewer.value('Speed') == '1'
+
+
+def driven(seconds):
+    """Return a buffer in which a frame drives 10 m for each second."""
+    buffer = TransformBuffer(10**18)
+    for second in range(seconds + 1):
+        buffer.insert(T + second * S, 'map', 'base', (
+            10.0 * second, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    return buffer
+
+
+def test_the_first_camera_of_a_bag():
+    """It shows the whole path."""
+    with ExitStack() as stack:
+        shown = Page(BagFeed(driven(10), 'bag'), [1000.0], stack)
+        shown.until(lambda: shown.viewer.distance() > 200.0)
+        assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] > 40.0
+
+
+@pytest.mark.parametrize('follow', ['', 'base'])
+def test_the_camera_of_a_recording(follow):
+    """It shows the whole path, or follows a frame, which then stays in the picture."""
+    feed = BagFeed(driven(10), 'bag')
+    feed.follow = follow
+    recording = Recording(feed)
+    for second in range(11):
+        recording.add(float(second), T + second * S)
+    content = recorded(recording.as_html())['messages']
+    sent = {kind: [message for _, message in content if message['type'] == kind] for kind in (
+        'SetCameraPositionMessage', 'SetCameraLookAtMessage', 'SetPositionMessage')}
+    distance = np.linalg.norm(np.subtract(sent['SetCameraPositionMessage'][-1]['position'],
+                                          sent['SetCameraLookAtMessage'][-1]['look_at']))
+    assert distance < 10.0 if follow else distance > 200.0
+    world = [message['position'][0] for message in sent['SetPositionMessage']
+             if message['name'] == '/world']
+    assert world == ([-10.0 * second for second in range(11)] if follow else [])
 
 
 def test_a_recording(buffer):

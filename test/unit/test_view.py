@@ -554,7 +554,7 @@ def test_a_page_of_what_is_far(page, clock, place):
     shown.set('Fixed frame', 'far')
     shown.until(lambda: np.isclose(
         viewer.axes('positions'), [1.0, 0.0, 0.0]).all(axis=1).any())  # tip
-    for drawn in (viewer.axes('positions'), viewer.nodes['/lines']['points'],
+    for drawn in (viewer.axes('positions'), viewer.nodes['/world/lines']['points'],
                   viewer.trail(), camera.position, camera.look_at):
         assert np.isfinite(drawn).all()
         assert np.abs(drawn).max() < 1e8
@@ -586,7 +586,7 @@ def test_trees_that_change(page):
     shown.set('Fixed frame', 'left')
     shown.until(lambda: viewer.names().get('map') == [-4, 0, 0])
     shown.set('Axis length (m)', 0.5)
-    shown.until(lambda: viewer.nodes['/frames'].get('axes_length') == 0.5)
+    shown.until(lambda: viewer.nodes['/world/frames'].get('axes_length') == 0.5)
     shown.set('Show names', False)
     shown.until(lambda: not viewer.names())
 
@@ -669,7 +669,9 @@ def test_a_tree_of_many_frames(page):
     viewer.set('Page', 'previous')
     shown.until(lambda: 'page 2 of 3' in viewer.text('tree'))
     # A click on one of the last frames in the scene turns to the page with its row.
-    viewer.send({**CLICK, 'owner': viewer.nodes['/frames']['owner'], 'instance_index': 120 * 3})
+    index = FrameWatcher(buffer).placement().names.index('post_119')
+    viewer.send({**CLICK, 'owner': viewer.nodes['/world/frames']['owner'],
+                 'instance_index': index})
     shown.until(lambda: any('post_11' in row and '◀' in row for row in rows(viewer)))
     assert 'page 3 of 3' in viewer.text('tree')
 
@@ -680,19 +682,19 @@ def test_what_is_displayed(page, clock):
     arm(buffer, T, 'map', 'base', 'hand')
     shown = page(live(buffer))
     viewer = shown.viewer
-    shown.until(lambda: '/frames' in viewer.nodes and len(viewer.names()) == 3)
+    shown.until(lambda: '/world/frames' in viewer.nodes and len(viewer.names()) == 3)
     shown.set('Axes', False)
-    shown.until(lambda: not viewer.nodes['/frames']['visible'])
-    assert viewer.nodes['/lines']['visible']
+    shown.until(lambda: not viewer.nodes['/world/frames']['visible'])
+    assert viewer.nodes['/world/lines']['visible']
     shown.set('Lines to parents', False)
-    shown.until(lambda: not viewer.nodes['/lines']['visible'])
+    shown.until(lambda: not viewer.nodes['/world/lines']['visible'])
     shown.set('Axes', True)
     shown.set('Show names', False)
     shown.until(lambda: not viewer.names())
     shown.set('Show names', True)
-    before = np.abs(viewer.nodes['/grid']['points']).max()
+    before = np.abs(viewer.nodes['/world/grid']['points']).max()
     shown.set('Cell of the grid (m)', 2.0)
-    shown.until(lambda: np.abs(viewer.nodes['/grid']['points']).max() == 4 * before)
+    shown.until(lambda: np.abs(viewer.nodes['/world/grid']['points']).max() == 4 * before)
     viewer.set('View', 'top')
     shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 4.0)
     shown.set('Dark', True)
@@ -754,6 +756,92 @@ def test_the_camera_and_a_frame_that_is_far(page, fixed):
     assert np.diff(viewer.trail()[:, 0, 0]) == pytest.approx(0.05, abs=1e-4)
 
 
+def place_in_scene(viewer, name):
+    """Return where a name is in the scene, in which the camera stands still (m)."""
+    world, (x, y, z) = viewer.nodes['/world'], viewer.names()[name]
+    w, _, _, s = world.get('wxyz', (1.0, 0.0, 0.0, 0.0))
+    cos, sin = w * w - s * s, 2 * w * s
+    return np.add(world.get('position', (0.0, 0.0, 0.0)),
+                  [cos * x - sin * y, sin * x + cos * y, z])
+
+
+@pytest.mark.parametrize('with_yaw', [False, True])
+def test_follow(page, with_yaw):
+    """A frame that drives and turns stays in the picture, also with another fixed frame."""
+    buffer = TransformBuffer()
+
+    def drive(second):
+        angle = 0.2 * second
+        buffer.insert(T + round(second * S), 'map', 'base', pose(
+            second, 2.0 * second, 0.1, (0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2))))
+        buffer.insert(T + round(second * S), 'base', 'front', pose(1.0))
+
+    drive(0)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.names().get('front') == [1, 0, pytest.approx(0.1, abs=1e-4)])
+    shown.set('Follow', 'base')
+    shown.set('Follow its yaw', with_yaw)
+    shown.until(lambda: viewer.nodes['/world']['type'] == 'SetOrientationMessage')
+    shown.step()
+    first = {name: place_in_scene(viewer, name) for name in ('base', 'front')}
+    for second in range(1, 6):
+        drive(second)
+        if second == 4:
+            shown.set('Fixed frame', 'base')
+
+        def stays():
+            return second == 4 or viewer.names()['base'][:2] == [second, 2 * second]  # noqa: B023
+
+        shown.until(stays)
+        shown.step()
+        places = {name: place_in_scene(viewer, name) for name in first}
+        assert places['base'] == pytest.approx(first['base'], abs=1e-3)
+        if second == 4:
+            shown.set('Fixed frame', 'map')
+        elif with_yaw:
+            assert places['front'] == pytest.approx(first['front'], abs=1e-3)
+        else:
+            assert places['front'] - places['base'] == pytest.approx(
+                [np.cos(0.2 * second), np.sin(0.2 * second), 0.0], abs=1e-3)
+    shown.set('Follow', '(none)')
+    drive(6)
+    shown.until(lambda: viewer.names()['base'][:2] == [6, 12])
+    shown.step()
+    moved = np.linalg.norm(place_in_scene(viewer, 'base') - first['base'])
+    assert moved == pytest.approx(5 ** 0.5, abs=1e-3)
+
+
+def test_the_first_camera(page, clock):
+    """It shows where the frames go in the first seconds, and again after a resize."""
+    from viewer import CAMERA
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'base', pose(0.0), is_static=True)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: 0.0 < viewer.distance() < 4.0)
+    for second in range(1, 5):
+        buffer.insert(T + second * S, 'base', 'hand', pose(-10.0 if second == 3 else 1.0))
+        shown.step()
+    clock[0] += 5.0
+    shown.until(lambda: viewer.distance() > 20.0)
+    assert viewer.last['SetCameraLookAtMessage']['look_at'][0] < -3.5
+    target = shown.server.initial_camera.look_at.tolist()
+    there = shown.server.initial_camera.position.tolist()
+    wide = {**CAMERA, 'position': there, 'look_at': target}
+    viewer.last.clear()
+    viewer.send({**wide, 'image_width': 390, 'image_height': 800})
+    shown.until(lambda: viewer.distance() > 30.0)  # a narrow page
+    shown.step()
+    viewer.last.clear()
+    viewer.send({**wide, 'position': [1.0, 2.0, 3.0]})  # the viewer moves it
+    shown.step()
+    viewer.send({**wide, 'position': [1.0, 2.0, 3.0], 'image_width': 390, 'image_height': 800})
+    for _ in range(3):
+        shown.step()
+    assert not viewer.distance()
+
+
 def test_focus_without_frames(page):
     """Nothing moves, and the viewer stays connected."""
     shown = page(live(TransformBuffer()))
@@ -808,14 +896,14 @@ def test_each_viewer_has_settings_of_its_own(page):
     arm(buffer, T, 'map', 'base', 'hand')
     shown = page(live(buffer))
     other = Viewer(shown.server.get_port())
-    other.until(lambda: '/frames' in other.nodes, shown.update)
+    other.until(lambda: '/world/frames' in other.nodes, shown.update)
     shown.set('Fixed frame', 'base')
     shown.set('Axis length (m)', 1.0)
     shown.until(lambda: shown.viewer.names().get('map') == [-1, 0, 0])
-    shown.until(lambda: shown.viewer.nodes['/frames']['axes_length'] == 1.0)
+    shown.until(lambda: shown.viewer.nodes['/world/frames']['axes_length'] == 1.0)
     other.until(lambda: other.names().get('base') == [1, 0, 0], shown.update)
     assert other.value('Fixed frame') == 'map'
-    assert other.nodes['/frames']['axes_length'] == 0.16
+    assert other.nodes['/world/frames']['axes_length'] == 0.16
     other.close()
     shown.until(lambda: len(shown.server.get_clients()) == 1)
     shown.update()
@@ -942,22 +1030,22 @@ def test_frames_that_fade_and_return(page, clock):
     move(T + S // 2)
     shown.until(lambda: len(viewer.trail()) and len(viewer.names()) == 3)
     full = viewer.axes('scales')[2]
-    coloured = viewer.nodes['/lines']['colors'].tolist()
+    coloured = viewer.nodes['/world/lines']['colors'].tolist()
     clock[0] += 12.5
     shown.until(lambda: 0.0 < viewer.axes('scales')[2] < 0.6 * full)
-    assert viewer.nodes['/lines']['colors'].tolist()[6:] == [178] * 6
+    assert viewer.nodes['/world/lines']['colors'].tolist()[6:] == [178] * 6
     shown.until(lambda: viewer.detail('rate') == 'no update for 13 s')
     clock[0] += 3.0
     shown.until(lambda: viewer.names().keys() == {'map', 'base'})
     shown.until(lambda: not len(viewer.trail()))
     assert viewer.axes('scales')[2] == 0.0
-    assert len(viewer.nodes['/lines']['points']) == 6
+    assert len(viewer.nodes['/world/lines']['points']) == 6
     shown.until(lambda: 'has arrived for 15 s on the path to: hand<' in viewer.text('overview'))
     assert '>2 frames' in viewer.text('overview')
     move(T + 16 * S)
     shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
     shown.until(lambda: viewer.axes('scales')[2] == full)
-    assert viewer.nodes['/lines']['colors'].tolist() == coloured
+    assert viewer.nodes['/world/lines']['colors'].tolist() == coloured
 
 
 def test_a_page_that_stands_still(page):
@@ -1091,7 +1179,7 @@ def test_many_names_are_sent_seldom(page, clock):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0), is_static=True)
     shown = page(live(buffer))
     viewer = shown.viewer
-    shown.until(lambda: '/frames' in viewer.nodes)
+    shown.until(lambda: '/world/frames' in viewer.nodes)
 
     def is_offered():
         return 'new' in viewer.gui[viewer.uuid('Frame')]['options']
@@ -1118,7 +1206,7 @@ def test_a_name_keeps_its_label(page, clock):
 
     def labels():
         return {node['text']: name for name, node in viewer.nodes.items()
-                if name.startswith('/names/') and node.get('visible')}
+                if name.startswith('/world/names/') and node.get('visible')}
 
     shown.until(lambda: len(labels()) == 4)
     before = labels()
@@ -1142,8 +1230,9 @@ def test_a_click_selects_a_frame(page):
     shown = page(live(buffer))
     viewer = shown.viewer
     shown.until(lambda: viewer.detail('parent') == 'base')  # of hand
-    for index in 3 * 3 + 1, None:  # the line from base to its parent
-        viewer.send({**CLICK, 'owner': viewer.nodes['/frames']['owner'], 'instance_index': index})
+    for index in 1, 10, None:  # base, and what is no frame
+        viewer.send({**CLICK, 'owner': viewer.nodes['/world/frames']['owner'],
+                     'instance_index': index})
     shown.until(lambda: viewer.detail('parent') == 'map')
     assert viewer.axes('scales').tolist() == [1.0, 1.5, 1.0]
 

@@ -1,0 +1,124 @@
+"""Where the camera stands: what it shows first, until a viewer moves it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import product
+from typing import Any, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf_tools.view.display import VIEWS
+
+#: The times after the first frame at which the first camera is moved (s): at once, when most
+#: frames have appeared, and when a robot that moves has shown its reach.
+_FITS = 0.0, 1.0, 5.0
+#: (3, 26): x, y, z of vectors along and between the axes.
+_DIRECTIONS = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]).T
+#: A camera has been moved by a viewer if it is this far from where it was put, as a fraction of
+#: the distance to what it looks at.
+_MOVED = 0.02
+#: The camera shows a sphere around all points. The radius of the sphere is at least this (m).
+_SMALLEST_VIEW = 0.5
+#: The camera sees this many metres or radii of the sphere, whichever is more.
+_FAR = 1000.0
+#: The vertical field of view of the camera (rad).
+_ANGLE = 0.8
+#: The distance of the camera from the middle of the sphere, in radii of the sphere.
+_DISTANCE = 4.4
+#: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
+#: fraction of the distance the camera looks below the middle.
+_FAR_DISTANCE, _BELOW = 7.0, 0.24
+#: The camera is shifted to the right by half of this width, since the panel covers the right side
+#: of the page; and the height of a page that is not known (pixels).
+_PANEL, _HEIGHT = 390.0, 900.0
+
+
+class FirstCamera:
+    """Shows where the frames go, and again after a resize, until the viewer moves the camera."""
+
+    def __init__(self, cameras: Sequence[Any]) -> None:
+        """Move these cameras; the first one is that of the viewer."""
+        self._cameras = cameras
+        self._points = np.empty((0, 3))  # those that are farthest in each direction (m)
+        #: When the cameras are moved next (s, monotonic clock); None until there are points.
+        self._due: Optional[list[float]] = None
+        self._put: Optional[NDArray[np.float64]] = None  # where the camera was put (m)
+        self._size = 0.0, 0.0  # of the page, then
+        self.is_over = False  #: True after the viewer has moved the camera
+
+    def extend(self, points: NDArray[np.float64]) -> None:
+        """Show some more points, too: (n, 3), x, y, z in the scene (m)."""
+        self._add(points)
+        if self._due is not None:
+            self._due.insert(0, 0.0)
+
+    def _add(self, points: NDArray[np.float64]) -> None:
+        if len(points := np.concatenate([self._points, points])):
+            self._points = points[np.unique(np.argmax(points @ _DIRECTIONS, axis=0))]
+
+    def update(self, points: NDArray[np.float64], now: float) -> None:
+        """
+        Move the cameras, if it is time to.
+
+        :param points: (n, 3): those of the frames that are drawn, x, y, z in the scene (m).
+        :param now: on the monotonic clock (s).
+        """
+        if self._due is None and len(points):
+            self._due = [now + seconds for seconds in _FITS]
+        if self._due is None or self.is_over:
+            return
+        if self._due:
+            self._add(points)
+        is_due = any(time <= now for time in self._due)
+        self._due = [time for time in self._due if time > now]
+        if not is_due and page_size(self._cameras[0]) == self._size:
+            return
+        self.is_over = self._is_moved()
+        if not self.is_over:
+            look_at(self._points, self._cameras)
+            self._size = page_size(self._cameras[0])
+            with suppress(Exception):  # the camera is not known yet
+                self._put = np.array(self._cameras[0].position)
+
+    def _is_moved(self) -> bool:
+        with suppress(Exception):  # the camera is not known yet
+            position, target = (np.array(getattr(self._cameras[0], name))
+                                for name in ('position', 'look_at'))
+            return self._put is not None and bool(
+                np.linalg.norm(position - self._put) > _MOVED * np.linalg.norm(position - target))
+        return False
+
+
+def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
+            direction: Sequence[float] = VIEWS['all']) -> None:
+    """Move cameras so that points (n, 3) are visible, seen from a direction (x, y, z)."""
+    if not len(points):
+        return
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
+    away = np.array(direction) / np.linalg.norm(direction) * radius
+    right = np.cross((0.0, 0.0, 1.0), away)
+    width, height = page_size(cameras[0])
+    if width < height:
+        away *= _FAR_DISTANCE
+        up = np.cross(away, right)
+        middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
+    else:
+        away *= _DISTANCE
+        middle += (right / np.linalg.norm(right) * np.linalg.norm(away)
+                   * np.tan(_ANGLE / 2) * _PANEL / height)
+    for each in cameras:
+        # viser fails if the client has sent an invalid pose.
+        with suppress(Exception), np.errstate(all='ignore'):
+            each.position, each.look_at = middle + away, middle
+            each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
+
+
+def page_size(camera: Any) -> tuple[float, float]:
+    """Return the width and the height of the page of a camera (pixels)."""
+    with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
+        width, height = float(camera.image_width), float(camera.image_height)
+        if width > 0.0 and 1.0 <= height < 1e5:
+            return width, height
+    return 2 * _HEIGHT, _HEIGHT
