@@ -27,7 +27,7 @@ def watch(port: int, seconds: float, results: list[tuple[float, float]]) -> None
         while monotonic() < end:
             with suppress(TimeoutError):
                 viewer.receive(0.1)
-            new = viewer.nodes.get('/frames', {}).get('batched_positions')
+            new = viewer.nodes.get('/world/frames', {}).get('batched_positions')
             updates, last = updates + (new is not last), new
         return viewer.size - size, updates
 

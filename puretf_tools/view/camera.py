@@ -1,6 +1,6 @@
 """Where the camera stands: what it shows first, until a viewer moves it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import product
 from typing import Any, Optional
@@ -57,19 +57,22 @@ class FirstCamera:
         if len(points := np.concatenate([self._points, points])):
             self._points = points[np.unique(np.argmax(points @ _DIRECTIONS, axis=0))]
 
-    def update(self, points: NDArray[np.float64], now: float) -> None:
+    def update(self, points: Callable[[], NDArray[np.float64]], now: float) -> None:
         """
         Move the cameras, if it is time to.
 
-        :param points: (n, 3): those of the frames that are drawn, x, y, z in the scene (m).
+        :param points: returns those of the frames that are drawn: (n, 3), x, y, z in the scene
+            (m).
         :param now: on the monotonic clock (s).
         """
-        if self._due is None and len(points):
-            self._due = [now + seconds for seconds in _FITS]
-        if self._due is None or self.is_over:
+        if self.is_over:
             return
-        if self._due:
-            self._add(points)
+        if self._due != []:
+            self._add(new := points())
+            if self._due is None and len(new):
+                self._due = [now + seconds for seconds in _FITS]
+        if self._due is None:
+            return
         is_due = any(time <= now for time in self._due)
         self._due = [time for time in self._due if time > now]
         if not is_due and page_size(self._cameras[0]) == self._size:

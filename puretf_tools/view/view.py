@@ -198,7 +198,7 @@ class Viewer:
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)
         self.first_camera.update(
-            self._scene.seen(placement, Display().shown(placement)), now)
+            lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self._pace.when_handled(self._scene.move)
 
     def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
