@@ -81,6 +81,11 @@ class Joints:
         if event.client_id is not None:
             self._actions.append((event.target, event.target.value, self._choice.value))
 
+    def act(self) -> None:
+        """Do what the viewer wants."""
+        if self._actions:
+            self._act({control.topic: control for control in self._source.controls})
+
     def update(self, now: float) -> None:
         """Do what the viewer wants, and show the positions; `now`: on the monotonic clock (s)."""
         controls = {control.topic: control for control in self._source.controls}

@@ -138,6 +138,11 @@ class Panel:
         if self._joint_controls:
             self._joints = Joints(self._gui, tab, self._joint_controls)
 
+    def act(self) -> None:
+        """Move the joints as the viewer wants."""
+        if self._joints:
+            self._joints.act()
+
     def update_robots(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
         """Show lines about the descriptions of robots, and the sliders of their joints."""
         if lines[0] and self._robot is None:

@@ -74,9 +74,11 @@ class View:
                 self.viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes)
                 self.viewers[number].first_camera.extend(self._path)
-            if not self.viewers[number].is_due(now):
-                continue
-            self.viewers[number].update(place, until, now, self._hint, descriptions)
+            viewer = self.viewers[number]
+            if viewer.is_due(now):
+                viewer.update(place, until, now, self._hint, descriptions)
+            else:
+                viewer.act()
         if not until and not placements:
             self._watcher.watch()
         self._follow_the_bag()
@@ -127,6 +129,10 @@ class Viewer:
         """Stop what the viewer has started, after they have left."""
         self._pace.close()
         self._panel.hand_frame.stop()
+
+    def act(self) -> None:
+        """Move the joints as the viewer wants, who need not wait for what is drawn."""
+        self._panel.act()
 
     def is_due(self, now: float) -> bool:
         """Return whether the viewer has handled the last update, and may get the next one."""

@@ -102,6 +102,12 @@ class Scene:
         #: (m, 2, 3): the segments of the trail (m).
         self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)
 
+    def is_together(self) -> bool:
+        """Return whether names and lines are where axes are."""
+        return all(np.linalg.norm(self.begins[0] - place, axis=1).min() < 1e-3
+                   for place in self.names.values()) and all(
+            np.linalg.norm(self.begins[0] - line[0], axis=1).min() < 1e-3 for line in self.lines)
+
     def index(self, name: str) -> int:
         """Return the index of the frame that is drawn at the position of a name."""
         distances = np.linalg.norm(self.begins[0] - self.names[name], axis=1)

@@ -293,6 +293,33 @@ def test_missing_meshes(page, tmp_path, monkeypatch):
          'or the file<')
 
 
+@pytest.mark.parametrize(('count', 'most'), [(5, 2000), (80, 8300)])
+def test_bytes_of_an_update(page, count, most):
+    """
+    At 30 updates a second, an arm takes at most 60 kB/s, and a robot of 80 links 250 kB/s.
+
+    This includes a trail, and texts at each update.
+    """
+    buffer = TransformBuffer(10**18)
+    for step in range(330):
+        for i in range(count):
+            half = 0.3 * np.sin(0.1 * step + i)
+            buffer.insert(T + step * S // 30, 'map' if not i else f'link_{i - 1}', f'link_{i}',
+                          (0.1, 0.05 * np.sin(0.1 * step) * (not i), 0.2, 0.0, 0.0,
+                           np.sin(half), np.cos(half)))
+    boxes = robot(*(link(f'link_{i}', ('<box size="1 2 3"/>',)) for i in range(count)))
+    shown = page(buffer, boxes, shapes=count)
+    shown.set('Pause', True)
+    sizes = []
+    for step in range(290, 320):
+        shown.feed.player.seek(T + step * S // 30)
+        before = shown.viewer.size
+        shown.step()
+        sizes.append(shown.viewer.size - before)
+    assert len(shown.viewer.trail()) > 150
+    assert count * 50 < np.median(sizes[10:]) < most
+
+
 def test_many_missing_meshes(page, tmp_path, monkeypatch):
     """There is a line for each package, and a sign at the first body; the rest is folded."""
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
