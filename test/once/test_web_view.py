@@ -1,5 +1,6 @@
 """The page of web_view in a real browser: the body of the arm, and a file without a server."""
 
+from math import pi
 import time
 
 import imageio.v3 as iio
@@ -165,3 +166,73 @@ def test_time_that_goes_back_in_a_browser(ros, start, tmp_path):
         page.until(lambda: 'their time went back by 30 s' in page.overview())
         page.button('Reset')
         moves()
+
+
+def test_the_tabs_in_a_browser(ros, listening, start, tmp_path):
+    """A viewer uses each tab, on a wide screen and on a narrow one."""
+    start(*ARM)
+    view = start(*tool('web_view'))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1], 1000, 700)
+        for width, height, frames, joint_1, new in (
+                (1000, 700, 6, 'joint_1', 'camera'), (390, 800, 7, 'joint_1, camera', 'lamp')):
+            page.page.set_viewport_size({'width': width, 'height': height})
+            page.open_tab('Display')
+            page.tick('Axes', True)
+            page.scene_with('end_effector')
+            page.open_tab('Tree')
+            count = f'{frames} of {frames} frames'
+            page.until(lambda: count in page.page.inner_text('[data-text="tree"]'))  # noqa: B023
+            page.button('joint_2')
+            selected = page.page.get_by_role('button').filter(has_text='◀')
+            page.until(lambda: selected.filter(has_text='joint_2').count())  # noqa: B023
+            page.tick('Show its branch', False)
+            page.until(lambda: page.scene().names.keys() == {'map, base_link', joint_1})  # noqa: B023
+            page.tick('Show its branch', True)
+            page.fill('Exclude', '^joint|camera')
+            page.until(lambda: page.scene().names.keys() == {'map, base_link', 'end_effector'})
+            page.fill('Exclude', '')
+            page.open_tab('Display')
+            page.tick('Axes', False)
+            page.until(lambda: not page.scene().lengths.any())
+            page.open_tab('Pair')
+            page.choose('A', 'joint_2')
+            page.choose('B', 'joint_3')
+            page.until(lambda: page.page.locator('[data-text="pair"]').count())
+            page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
+            page.page.screenshot(path=tmp_path / f'web_view_{width}.png')
+            page.open_tab('By hand')
+            page.fill('New frame', new)
+            page.choose('Parent', 'joint_1')
+            page.tick('Publish', True)
+            ros.until(lambda: new in listening.frame_names())  # noqa: B023
+            page.open_tab('Frame')
+            page.choose('Frame', new)
+            page.until(lambda: page.value('publisher') == '/web_view')
+            move_the_arm(page, ros, listening)
+
+
+def move_the_arm(page, ros, buffer):
+    """Type a number beside a slider, and drag it: the frames of the arm move."""
+    from rclpy.time import Time
+    page.open_tab('Robot')
+
+    def angle():
+        rotation = buffer.lookup_transform('base_link', 'joint_1', Time()).transform.rotation
+        return 2.0 * np.arctan2(rotation.z, rotation.w)
+
+    # Behind the label come a hidden field, the handle and the field with the number.
+    behind = '//label[.="joint_1 (°)"]/following::'
+    page.page.locator(f'xpath={behind}input[2]').fill('30')
+    ros.until(lambda: angle() == pytest.approx(pi / 6))
+    page.button('Centre')
+    ros.until(lambda: angle() == 0.0)
+    box = page.page.locator(f'xpath={behind}*[@role="slider"][1]').bounding_box()
+    mouse = page.page.mouse
+    mouse.move(box['x'] + box['width'] / 2, box['y'] + box['height'] / 2)
+    mouse.down()
+    mouse.move(box['x'] + 500, box['y'])
+    mouse.up()
+    ros.until(lambda: angle() == pytest.approx(pi / 4))
+    page.button('Wave')
+    ros.until(lambda: angle() < 0.0)
