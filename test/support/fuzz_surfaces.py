@@ -382,7 +382,7 @@ class _Server:
 
     def __init__(self) -> None:
         """Start to serve."""
-        import msgspec
+        from viewer import Viewer
         import viser
         import viser._messages as viser_messages
 
@@ -423,10 +423,8 @@ class _Server:
                 'ray_direction': [0.0, 0.0, 1.0], 'screen_pos': [0.5, 0.5], 'modifier': None,
                 'owner': ''}}
         self.values = {uuid: self.control(uuid).value for uuid in self.uuids}
-        #: A client that sends nothing, and must not suffer.
-        self.other = self.client()
-        self.other.send(msgspec.msgpack.encode(
-            {'type': 'ViewerCameraMessage', **self.valid['ViewerCameraMessage']}))
+        #: A viewer that only looks, and must not suffer.
+        self.other = Viewer(self.port)
         end = time.monotonic() + 20
         while not self.server.get_clients():
             assert time.monotonic() < end
@@ -446,7 +444,7 @@ class _Server:
         from websockets.exceptions import ConnectionClosed
         with suppress(TimeoutError):
             while True:
-                self.other.recv(timeout=0)
+                self.other.receive(0)
         value = 0.5 if self.control(self.slider).value != 0.5 else 1.0
         message = msgspec.msgpack.encode({
             'type': 'GuiUpdateMessage', 'uuid': self.slider, 'updates': {'value': value}})
@@ -464,7 +462,7 @@ class _Server:
                     assert time.monotonic() < end, 'a valid message of another has no effect'
                     time.sleep(0.0005)
         self.view.update()
-        assert self.other.recv(timeout=20)  # it shows another time
+        self.other.receive(20)  # it shows another time
         while wrong := [control.label for uuid, first in self.values.items()
                         if type((control := self.control(uuid)).value) is not type(first)
                         or (isinstance(first, float) and not math.isfinite(control.value))]:
