@@ -15,7 +15,7 @@ from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display, rounded
 from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
-from puretf_tools.view.viser_private import Move, set_pose, WORLD
+from puretf_tools.view.viser_private import WORLD
 
 #: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
 MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
@@ -93,14 +93,14 @@ class Body:
     at_a_time = 100
 
     def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object],
-                 move: Callable[[Move], object]) -> None:
+                 put: Callable[..., object]) -> None:
         """
         Draw nothing yet.
 
         :param on_click: called with the name of a frame when a shape there is clicked.
-        :param move: called with each move of a node that is shown.
+        :param put: called with a node and its pose, to show it there.
         """
-        self._scene, self._meshes, self._on_click, self._move = scene, meshes, on_click, move
+        self._scene, self._meshes, self._on_click, self._put = scene, meshes, on_click, put
         self._descriptions: Mapping[str, DescriptionOrWhy] = {}
         self._robots: dict[str, _Robot] = {}  # by topic
         #: By the name of a node, which must not depend on those of links: these can have slashes.
@@ -172,16 +172,10 @@ class Body:
             part.node = self._scene.add_frame(
                 f'{WORLD}/robots/{self._next_node}', show_axes=False, visible=False)
             self._next_node += 1
-        if pose != part.pose:
+        if pose != part.pose or not part.node.visible:
             part.pose = pose
             x, y, z, w = pose[3:]
-            move = part.node, (pose[0], pose[1], pose[2]), (w, x, y, z)
-            if part.node.visible:
-                self._move(move)
-            else:
-                set_pose(*move)
-        if not part.node.visible:
-            part.node.visible = True
+            self._put(part.node, (pose[0], pose[1], pose[2]), (w, x, y, z))
         if not part.shapes:
             return False
         count = len(robot.problems)

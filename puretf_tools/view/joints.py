@@ -88,11 +88,11 @@ class Joints:
 
     def update(self, now: float) -> None:
         """Do what the viewer wants, and show the positions; `now`: on the monotonic clock (s)."""
-        controls = {control.topic: control for control in self._source.controls}
-        self._act(controls)
+        self.act()
         if now < self._next:
             return
         self._next = now + _PERIOD
+        controls = {control.topic: control for control in self._source.controls}
         change(self._choice, options=(*controls,) or ('',), visible=len(controls) > 1)
         control = self._control = controls.get(self._choice.value)
         change(self._centre, visible=control is not None)

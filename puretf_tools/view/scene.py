@@ -17,7 +17,7 @@ from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.trail import Pieces
-from puretf_tools.view.viser_private import Move, set_pose, WORLD
+from puretf_tools.view.viser_private import Move, Quaternion, set_pose, Vector, WORLD
 
 #: If there are more frames, their names are not shown until a viewer wants them.
 MOST_NAMES = 50
@@ -67,7 +67,7 @@ class Scene:
         self._frame_names: list[str] = []
         #: The frame that was clicked last, until somebody takes it.
         self.clicks: deque[str] = deque(maxlen=1)
-        self.body = Body(self._scene, meshes, self.clicks.append, self._moves.append)
+        self.body = Body(self._scene, meshes, self.clicks.append, self._put)
 
     def show(self, placement: Placement, display: Display, selected: str,
              trail: Pieces, descriptions: Mapping[str, DescriptionOrWhy],
@@ -89,6 +89,15 @@ class Scene:
             self._show_names(placement, display, selected)
             self._show_trail(trail)
             self.body.show(descriptions, placement, display, body)
+
+    def _put(self, node: viser.SceneNodeHandle, position: Vector,
+             wxyz: Optional[Quaternion] = None) -> None:
+        """Let `move` set the pose of a node; if it is not visible yet, show it there at once."""
+        if node.visible:
+            self._moves.append((node, position, wxyz))
+        else:
+            set_pose(node, position, wxyz)
+            node.visible = True
 
     def move(self) -> None:
         """Move names and bodies to where the last call of `show` has drawn the frames."""
@@ -196,11 +205,8 @@ class Scene:
             label = self._labels[name]
             label.text = text
             x, y, z = position.tolist()
-            if not label.visible:
-                set_pose(label, (x, y, z))
-                label.visible = True
-            elif (x, y, z) != (*label.position.tolist(),):
-                self._moves.append((label, (x, y, z), None))
+            if not label.visible or (x, y, z) != (*label.position.tolist(),):
+                self._put(label, (x, y, z))
 
     def _show_trail(self, trail: Pieces) -> None:
         for number in self._trail.keys() - trail.keys():

@@ -44,7 +44,8 @@ class View:
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
-        self._path = np.empty((0, 3))  # where the frames of a bag are at some moments (m)
+        #: Where the frames of a bag are at some moments: (n, 3) (m); None: not known yet.
+        self._path: Optional[NDArray[np.float64]] = None
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
         self._hint, self._next_hint = '', 0.0
         server.gui.set_panel_label(feed.name)
@@ -73,7 +74,8 @@ class View:
                 self._meshes.forget_failures()
                 self.viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes)
-                self.viewers[number].first_camera.extend(self._path)
+                if self._path is not None:
+                    self.viewers[number].first_camera.extend(self._path)
             viewer = self.viewers[number]
             if viewer.is_due(now):
                 viewer.update(place, until, now, self._hint, descriptions)
@@ -86,7 +88,8 @@ class View:
     def _follow_the_bag(self) -> None:
         """When the bag has been read, let the first cameras show where its frames go."""
         player = self._feed.player
-        if len(self._path) or not (player and player.is_whole and player.length and self.viewers):
+        if self._path is not None or not (
+                player and player.is_whole and player.length and self.viewers):
             return
         placements = [self._watcher.placement('', time) for time in np.linspace(
             player.begin, player.end, _MOMENTS).astype(np.int64).tolist()]

@@ -177,8 +177,8 @@ class Page:
         self.view.update()
         self.viewer = Viewer(self.server.get_port())
         stack.callback(self.viewer.close)
-        self.until(lambda: any(
-            props.get('label') == 'Focus on all frames' for props in self.viewer.gui.values()))
+        self.until(lambda: any(  # the last control of the panel
+            props.get('label') == 'Publish' for props in self.viewer.gui.values()))
 
     def update(self):
         """
