@@ -48,6 +48,8 @@ class Scene:
         #: Everything is drawn in this node; its yaw (rad) and its position in the scene (m).
         self._world = owner.scene.add_frame(WORLD, show_axes=False)
         self._yaw, self._shift = 0.0, np.zeros(3)
+        #: The fixed frame, and the origin of the last placement.
+        self._origin: tuple[str, NDArray[np.float64]] = '', np.zeros(3)
         #: The frame that the world follows, and whether with its yaw; where this frame stays in
         #: the scene: the position (m) and the yaw (rad).
         self._followed = '', False
@@ -82,7 +84,7 @@ class Scene:
         """
         with self._owner.atomic():
             self._frame_names = placement.names
-            self._follow(placement, follow, with_yaw)
+            self._move_world(placement, follow, with_yaw)
             self._show_grid(display.cell, display.is_dark)
             self._show_axes(axes(placement, display, selected), display.size, display.with_axes)
             self._show_lines(lines(placement, display), display.with_lines)
@@ -122,22 +124,27 @@ class Scene:
         near = {*names} - {*placement.far} or names
         return self.in_scene(placement.points[[name in near for name in placement.names]])
 
-    def _follow(self, placement: Placement, name: str, with_yaw: bool) -> None:
-        if name not in placement.names:
-            return
-        i = placement.names.index(name)
-        *_, yaw = euler_from_quaternion((*placement.poses[i, 3:].tolist(),))
-        if self._followed != (name, with_yaw):
-            self._followed = name, with_yaw
-            self._held = self.in_scene(placement.points[[i]])[0], self._yaw + yaw
-        place, heading = self._held
-        self._shift = np.zeros(3)
-        if with_yaw:
-            self._yaw = heading - yaw
-        self._shift = place - self.in_scene(placement.points[[i]])[0]
-        x, y, z = self._shift.tolist()
-        self._moves.append((self._world, (x, y, z), (
-            float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2)))))
+    def _move_world(self, placement: Placement, follow: str, with_yaw: bool) -> None:
+        """Let a frame stay where it is in the scene; else, all frames, if the origin is new."""
+        fixed, origin = self._origin
+        self._origin = placement.fixed, placement.origin
+        is_new = fixed == placement.fixed and (placement.origin != origin).any()
+        if is_new:
+            self._shift = self.in_scene((placement.origin - origin)[None])[0]
+        if follow in placement.names:
+            i = placement.names.index(follow)
+            *_, yaw = euler_from_quaternion((*placement.poses[i, 3:].tolist(),))
+            if self._followed != (follow, with_yaw):
+                self._followed = follow, with_yaw
+                self._held = self.in_scene(placement.points[[i]])[0], self._yaw + yaw
+            place, heading = self._held
+            if with_yaw:
+                self._yaw = heading - yaw
+            self._shift = self._shift + place - self.in_scene(placement.points[[i]])[0]
+        if is_new or follow in placement.names:
+            x, y, z = self._shift.tolist()
+            self._put(self._world, (x, y, z), (
+                float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))
 
     def _show_grid(self, cell: float, is_dark: bool) -> None:
         if (cell, is_dark) == self._shown_grid:

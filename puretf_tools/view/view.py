@@ -1,7 +1,6 @@
 """The page: the scene and the panel, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from time import monotonic
 from typing import Any, Optional
 
@@ -113,7 +112,6 @@ class Viewer:
         self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
         self._shown: tuple[str, int] = '', 0  # the request for a paused placement
-        self._origin: tuple[str, NDArray[np.float64]] = '', np.zeros(3)  # and the fixed frame
         self._paused_at = 0  # the time that a paused page shows (ns)
         #: The last seconds before a pause; None: the page is not paused, or there are no frames.
         self._copy: Optional[FrameWatcher] = None
@@ -166,13 +164,6 @@ class Viewer:
         self._panel.pair.buffer = self._buffer = buffer
         self._trail = Trail(buffer)
 
-    def _keep_camera(self, placement: Placement) -> None:
-        """Let the camera move with the origin of the scene, if this is a new one."""
-        before, self._origin = self._origin, (placement.fixed, placement.origin)
-        if before[0] == placement.fixed and (shift := before[1] - placement.origin).any():
-            with suppress(Exception):  # the camera is not known yet
-                self._cameras[0].position = self._cameras[0].position + shift
-
     def update(self, place: Callable[[str, int], Placement], until: int, now: float, hint: str,
                descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
@@ -185,7 +176,6 @@ class Viewer:
         panel = self._panel
         self._next = now + panel.display.period
         placement = self._placement = self._place(place, until)
-        self._keep_camera(placement)
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])

@@ -812,6 +812,28 @@ def test_follow(page, with_yaw):
     assert moved == pytest.approx(5 ** 0.5, abs=1e-3)
 
 
+@pytest.mark.parametrize('follow', ['(none)', 'base'])
+def test_a_new_origin(page, follow):
+    """A robot drives far away: in the scene it goes on, or stays if it is followed."""
+    buffer = earth('utm')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.set('Fixed frame', 'utm')
+    shown.set('Follow', follow)
+    shown.until(lambda: viewer.detail('fixed') == 'utm')
+    for _ in range(3):
+        shown.step()
+    first, origins = place_in_scene(viewer, 'base'), set()
+    for x in range(4000, 40_000, 4000):
+        buffer.insert(T + x, 'map', 'base', pose(0.1 + x, 0.2, 0.3))
+        for _ in range(3):
+            shown.step()
+        origins.add(round(viewer.names()['base'][0] - x, -2))
+        assert place_in_scene(viewer, 'base') - first == pytest.approx(
+            [0.0 if follow == 'base' else x, 0.0, 0.0], abs=0.01)
+    assert len(origins) > 2
+
+
 def test_the_first_camera(page, clock):
     """It shows where the frames go in the first seconds, and again after a resize."""
     from viewer import CAMERA
