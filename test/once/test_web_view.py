@@ -202,14 +202,23 @@ def test_the_tabs_in_a_browser(ros, listening, start, tmp_path):
             page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
             page.page.screenshot(path=tmp_path / f'web_view_{width}.png')
             page.open_tab('By hand')
+            # The page unticks the box when the name changes: on a slow machine, after a while.
+            page.tick('Publish', False)
             page.fill('New frame', new)
+            page.until(lambda: f'id {new}' in command(page))  # noqa: B023
             page.choose('Parent', 'joint_1')
+            page.until(lambda: 'frame-id joint_1' in command(page))
             page.tick('Publish', True)
             ros.until(lambda: new in listening.frame_names())  # noqa: B023
             page.open_tab('Frame')
             page.choose('Frame', new)
             page.until(lambda: page.value('publisher') == '/web_view')
             move_the_arm(page, ros, listening)
+
+
+def command(page):
+    """Return the command that publishes the frame that is placed by hand."""
+    return page.page.inner_text('[data-text="command"]')
 
 
 def move_the_arm(page, ros, buffer):
