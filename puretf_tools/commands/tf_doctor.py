@@ -10,7 +10,6 @@ from multiprocessing import active_children, get_context, resource_tracker
 from pathlib import Path
 import sys
 import threading
-import time
 from typing import Any, Optional, TYPE_CHECKING
 
 import numpy as np
@@ -205,9 +204,7 @@ class _Listening:
     def poll(self) -> None:
         """Count what has arrived."""
         self.end = self.listener.now()
-        # Without simulated time, both are one clock; a pause between two looks at it would count.
-        self.offset = (0 if not self.listener.node.get_parameter('use_sim_time').value else
-                       self.end - time.time_ns() if self.end else None)
+        self.offset = self.listener.clock_offset()
         received, dropped = self.listener.received()
         self.dropped += dropped
         self.statistics.add_messages(received, self.offset)

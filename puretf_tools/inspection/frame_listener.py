@@ -1,5 +1,6 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
+from time import time_ns
 from typing import Optional
 
 from rclpy.duration import Duration
@@ -32,6 +33,13 @@ class FrameListener(PublisherListener):
     def now(self) -> int:
         """Return the time of the node (ns); 0 if it waits for /clock, as use_sim_time is set."""
         return int(self.node.get_clock().now().nanoseconds)
+
+    def clock_offset(self) -> Optional[int]:
+        """Return the time of the node minus that of this computer (ns); None: not known yet."""
+        # Without simulated time, both are one clock; a pause between two looks at it would count.
+        if not self.node.get_parameter('use_sim_time').value:
+            return 0
+        return now - time_ns() if (now := self.now()) else None
 
     def why_no_transform(self, target: str, source: str, time: int = 0,
                          say: Optional[Once] = None) -> str:

@@ -1,0 +1,97 @@
+"""What the checks find in the transforms that arrive, while a program listens."""
+
+from collections.abc import Collection, Iterable, Sequence
+from time import thread_time
+from typing import Optional, TYPE_CHECKING
+
+import numpy as np
+
+from puretf.transform_table import Message, TransformTable
+from puretf_tools.doctor.checks import Finding, SEVERITIES
+from puretf_tools.doctor.observation import Observation
+from puretf_tools.doctor.report import examine
+from puretf_tools.doctor.tf_statistics import Statistics
+from puretf_tools.inspection.feeds import OtherTopic
+from puretf_tools.inspection.traffic import SETTLING
+
+if TYPE_CHECKING:
+    from puretf_tools.inspection.frame_listener import FrameListener
+
+#: The time between two examinations, and that after which the statistics begin again (s). An
+#: examination is followed by a rest of `_REST` times as long.
+_PERIOD, _LENGTH, _REST = 3.0, 30.0, 19.0
+_NOT_KNOWN = dict.fromkeys(('headers', 'listeners', 'qos'), 'tf_doctor looks for them')
+
+
+class _Statistics(Statistics):
+    """Statistics that know the last two transforms of each frame, from which others can begin."""
+
+    def __init__(self, settling: int = 0) -> None:
+        super().__init__(settling)
+        self.last: dict[tuple[object, ...], TransformTable] = {}
+
+    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
+        super().add(table, offset)
+        key = table.publisher, table.is_static, *table.edges
+        tables = [self.last[key], table] if key in self.last else [table]
+        times, stamps, poses = (np.concatenate(each)[-2:] for each in zip(
+            *((each.times, each.stamps, each.poses) for each in tables)))
+        self.last[key] = table._replace(times=times, stamps=stamps, poses=poses)
+
+
+class RecentFindings:
+    """The findings in what has arrived in the last half minute."""
+
+    def __init__(self, listener: 'FrameListener') -> None:
+        self._listener = listener
+        self._statistics = _Statistics(SETTLING)
+        self._next = self._begin = 0.0  # of the next examination, and of the statistics (s)
+        #: By code and frames: the finding, and when it was last found (s).
+        self._found: dict[tuple[str, tuple[str, ...]], tuple[Finding, float]] = {}
+        self.findings: Sequence[Finding] = ()
+        self.verdict = ''
+
+    def update(self, messages: Iterable[Message], is_complete: bool,
+               other_transforms: Collection[OtherTopic], now: float) -> None:
+        """
+        Count messages, and from time to time examine the statistics.
+
+        :param is_complete: False if messages before these were lost.
+        :param now: on the monotonic clock (s).
+        """
+        begin = thread_time()
+        if not is_complete or now >= self._begin + _LENGTH:
+            self._restart(is_complete, now)
+        self._statistics.add_messages(messages, self._listener.clock_offset())
+        self._examine([*other_transforms], now)
+        self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
+
+    def is_due(self, now: float) -> bool:
+        """Return whether `update` is to be called, so that it takes 5 % of the time at most."""
+        return now >= self._next
+
+    def _restart(self, is_complete: bool, now: float) -> None:
+        """Begin again with the last transforms of each frame: some are sent seldom, or once."""
+        before, self._begin = self._statistics.last, now
+        self._statistics = _Statistics()
+        for table in before.values():
+            if table.is_static or (
+                    is_complete and self._listener.is_present(table.publisher) is not False):
+                self._statistics.add(table)
+
+    def _examine(self, other_transforms: Sequence[OtherTopic], now: float) -> None:
+        listener, statistics = self._listener, self._statistics
+        static, dynamic = listener.topics
+        end = listener.now()
+        report = examine(Observation(
+            statistics, f'in {now - self._begin:.0f} s', (dynamic, static),
+            nodes=listener.names_of(statistics.publishers()), present=listener.present,
+            other_transforms=other_transforms, not_known={**_NOT_KNOWN, **(
+                {} if end else {'arrivals': 'no message has arrived on /clock'})},
+            end=end, clock_offset=listener.clock_offset()))
+        self._found = {key: each for key, each in self._found.items() if each[1] > now - _LENGTH}
+        self._found.update({(finding.code, finding.frames): (finding, now)
+                            for finding in report.findings if finding.code != 'no_transforms'})
+        self.findings = sorted((finding for finding, _ in self._found.values()),
+                               key=lambda finding: SEVERITIES.index(finding.severity))
+        self.verdict = report.verdict
