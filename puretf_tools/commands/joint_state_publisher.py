@@ -18,12 +18,14 @@ def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = 
     description = None if file is None else parse(read(file))
     from puretf_tools.robot.joint_senders import JointStatePublisher
     from puretf_tools.view.feed import LiveFeed
-    from puretf_tools.view.page import show
+    from puretf_tools.view.server import serve
+    from puretf_tools.view.view import show
     with spinning_node('joint_state_publisher', ros_args, namespace) as node:
         # With a file, what the network sends is not parsed.
         descriptions = {node.resolve_topic_name(TOPIC): description} if description else None
-        show(LiveFeed(node, JointStatePublisher(node, description), descriptions), host, port,
-             meshes)
+        feed = LiveFeed(node, JointStatePublisher(node, description), descriptions)
+        with serve(host, port) as server:
+            show(feed, server, meshes)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+import json
 from math import ceil
 from pathlib import Path
 from threading import Thread
@@ -30,11 +31,12 @@ _LONGEST_END = 0.5
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOption] = None,
             namespace: str = '', export: Optional[str] = None,
-            duration: Optional[float] = None, meshes: Sequence[str] = (), follow: str = '', *,
-            ros_args: Sequence[str] = ()) -> int:
+            duration: Optional[float] = None, meshes: Sequence[str] = (), follow: str = '',
+            view: Optional[str] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
     if duration is not None and export is None:
         raise UsageError('--time needs --export')
+    first = '' if view is None else _read_view(view)
     path = None if export is None else path_to_write(export, ['.html'])
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if bag:
@@ -46,7 +48,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             feed.update()
             _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
         else:
-            _show_bag(bag, feed, host, port, meshes)
+            _show_bag(bag, feed, host, port, meshes, first)
     else:
         from puretf_tools.cli.node import spinning_node
         with spinning_node('web_view', ros_args, namespace) as node:
@@ -55,12 +57,27 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             if path:
                 _export(recorded_live(live, seconds, meshes), live, path)
             else:
-                _show(live, host, port, meshes)
+                _show(live, host, port, meshes, first)
     return 0
 
 
+def _read_view(path: str) -> str:
+    """Read a view, as the page's "Copy view" writes it."""
+    try:
+        text = Path(path).read_text(encoding='utf-8').strip()
+        is_view = isinstance(json.loads(text), dict)
+    except OSError as error:
+        raise CommandError(f'cannot read {path}: {error.strerror}') from None
+    except ValueError:
+        is_view = False
+    if not is_view:
+        raise CommandError(f'{path} is no view: press "Copy view" on the page, and save the line '
+                           'that it shows in a file')
+    return text
+
+
 def _show_bag(bag: BagOption, feed: BagFeed, host: str, port: Optional[int],
-              meshes: Sequence[str]) -> None:
+              meshes: Sequence[str], view: str) -> None:
     """Serve the page of a bag, which a thread reads meanwhile."""
     def on_progress(done: float) -> None:
         check_signals()
@@ -75,7 +92,7 @@ def _show_bag(bag: BagOption, feed: BagFeed, host: str, port: Optional[int],
     with bag.opened(on_progress) as opened:
         reading = Thread(target=read, daemon=True)
         try:
-            _show(feed, host, port, meshes, reading.start)
+            _show(feed, host, port, meshes, view, reading.start)
         finally:
             if reading.ident:
                 reading.join(_LONGEST_END)
@@ -92,13 +109,9 @@ def read_into(feed: BagFeed, bag: Bag) -> None:
                    if topic.startswith(namespace)}
     try:
         report = examine(observer.observation(bag))
-        feed.findings = [(report.verdict, 0), *((
-            f'{finding.severity} {finding.code}: '
-            f'{", ".join(finding.frames or finding.topics)}: {finding.evidence}', finding.time)
-            for finding in report.findings)]
+        feed.findings, feed.verdict = report.findings, report.verdict
     except Exception as error:
-        feed.findings = [
-            (f'tf_doctor cannot examine the bag: {error or type(error).__name__}', 0)]
+        feed.verdict = f'tf_doctor cannot examine the bag: {error or type(error).__name__}'
 
 
 def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
@@ -134,11 +147,12 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
     print(f'wrote {visible(str(path))}: {duration:.1f} s')
 
 
-def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str],
+def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str], view: str,
           on_served: Callable[[], object] = lambda: None) -> None:
-    from puretf_tools.view.page import show
-    with suppress(KeyboardInterrupt):  # which is its normal end
-        show(feed, host, port, meshes, on_served)
+    from puretf_tools.view.server import serve  # first, since it says if viser is missing
+    from puretf_tools.view.view import show
+    with suppress(KeyboardInterrupt), serve(host, port) as server:  # Ctrl-C is its normal end
+        show(feed, server, meshes, view, on_served)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
@@ -157,4 +171,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                              f'(default: {_EXPORTED_TIME:g}; of a bag, all)')
     parser.add_argument('--follow', default='', metavar='FRAME',
                         help='a frame that stays in the picture while it drives')
+    parser.add_argument('--view', metavar='FILE.json',
+                        help='what the page shows at first: the line of its "Copy view"')
     return run(parser, command, args)

@@ -1,5 +1,6 @@
 """What is drawn of each frame: its axes, and a line to its parent."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -23,15 +24,19 @@ class Display(NamedTuple):
     with_axes: bool = True
     with_lines: bool = True  #: from each frame to its parent
     with_names: bool = True
-    cell: float = 0.5  #: the side of a cell of the grid (m); 0.0: there is no grid
+    with_grid: bool = True
     timeout: float = TIMEOUT  #: a frame of this age (s) is not drawn
     hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
     is_dark: bool = False  #: whether the page is dark
 
+    def alive(self, placement: Placement) -> set[str]:
+        """Return the frames that have not timed out."""
+        return {name for name, age in zip(placement.names, placement.ages.tolist())
+                if age < self.timeout}
+
     def shown(self, placement: Placement) -> set[str]:
         """Return the frames that are drawn: neither hidden nor timed out."""
-        return {name for name, age in zip(placement.names, placement.ages.tolist())
-                if age < self.timeout and name not in self.hidden}
+        return self.alive(placement) - self.hidden
 
 
 class Axes(NamedTuple):
@@ -49,13 +54,12 @@ class Lines(NamedTuple):
     colors: NDArray[np.uint8]  #: (m, 2, 3): red, green, blue at both ends
 
 
-def axes(placement: Placement, display: Display, selected: str = '') -> Axes:
-    """Return the axes of all frames."""
+def axes(placement: Placement, display: Display, selected: Collection[str] = ()) -> Axes:
+    """Return the axes of all frames; those of selected ones are larger."""
     _, scales = fading(placement.ages, display.timeout)
     if display.hidden:
         scales = scales * [name not in display.hidden for name in placement.names]
-    if selected in placement.names:
-        scales[placement.names.index(selected)] *= _SELECTED
+    scales = scales * np.where([name in selected for name in placement.names], _SELECTED, 1.0)
     return Axes(rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales)
 
 

@@ -113,7 +113,7 @@ class Body:
 
     def show(self, descriptions: Mapping[str, DescriptionOrWhy], placement: Placement,
              display: Display, body: BodyDisplay) -> None:
-        """Draw the bodies at the frames that are drawn."""
+        """Draw the bodies at the frames that have not timed out."""
         has_changed = descriptions is not self._descriptions
         if has_changed:
             self._replace(descriptions)
@@ -122,8 +122,8 @@ class Body:
         self._set_opacity(body.opacity)
         self._left = self.at_a_time
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
-        shown = display.shown(placement)
-        poses = {name: row for name, row in zip(placement.names, rows) if name in shown}
+        alive = display.alive(placement)
+        poses = {name: row for name, row in zip(placement.names, rows) if name in alive}
         for robot in self._robots.values():
             if robot.names != placement.names:
                 robot.names = placement.names

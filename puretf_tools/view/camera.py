@@ -22,8 +22,9 @@ _MOVED = 0.02
 _SMALLEST_VIEW = 0.5
 #: The camera sees this many metres or radii of the sphere, whichever is more.
 _FAR = 1000.0
-#: The vertical field of view of the camera (rad).
-_ANGLE = 0.8
+#: The vertical field of view of the camera (rad); from the top, it looks from far with a narrow
+#: one, so that what lies above another is drawn above it.
+_ANGLE, _TOP_ANGLE = 0.8, 0.1
 #: The distance of the camera from the middle of the sphere, in radii of the sphere.
 _DISTANCE = 4.4
 #: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
@@ -84,6 +85,28 @@ class FirstCamera:
             with suppress(Exception):  # the camera is not known yet
                 self._put = np.array(self._cameras[0].position)
 
+    @property
+    def view(self) -> list[float]:
+        """The camera that the viewer has moved: position, what it looks at (m), angle (rad)."""
+        with suppress(Exception):  # the camera is not known yet
+            camera = self._cameras[0]
+            self.is_over = self.is_over or self._is_moved()
+            if self.is_over:
+                values = [*camera.position, *camera.look_at, camera.fov]
+                return [round(float(value), 4) for value in values]
+        return []
+
+    def restore(self, view: list[Any]) -> None:
+        """Set a `view`; if it is empty, show where the frames go."""
+        self.is_over = False
+        if len(view) == 7 and all(type(value) in (int, float) for value in view):
+            with suppress(Exception):  # it is not a camera
+                _put(self._cameras, np.array(view[:3]), np.array(view[3:6]), view[6], _FAR)
+                self.is_over = True
+        elif self._due is not None:
+            self._put = None
+            self._due = [0.0]
+
     def _is_moved(self) -> bool:
         with suppress(Exception):  # the camera is not known yet
             position, target = (np.array(getattr(self._cameras[0], name))
@@ -100,7 +123,9 @@ def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
         return
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
+    angle = _TOP_ANGLE if direction == VIEWS['top'] else _ANGLE
     away = np.array(direction) / np.linalg.norm(direction) * radius
+    away *= np.tan(_ANGLE / 2) / np.tan(angle / 2)
     right = np.cross((0.0, 0.0, 1.0), away)
     width, height = page_size(cameras[0])
     if width < height:
@@ -110,12 +135,18 @@ def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
     else:
         away *= _DISTANCE
         middle += (right / np.linalg.norm(right) * np.linalg.norm(away)
-                   * np.tan(_ANGLE / 2) * _PANEL / height)
+                   * np.tan(angle / 2) * _PANEL / height)
+    # viser fails if the client has sent an invalid pose.
     for each in cameras:
-        # viser fails if the client has sent an invalid pose.
-        with suppress(Exception), np.errstate(all='ignore'):
-            each.position, each.look_at = middle + away, middle
-            each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
+        with suppress(Exception):
+            _put([each], middle + away, middle, angle, max(_FAR, _FAR * radius))
+
+
+def _put(cameras: Sequence[Any], position: NDArray[np.float64], target: NDArray[np.float64],
+         angle: float, far: float) -> None:
+    for each in cameras:
+        with np.errstate(all='ignore'):
+            each.position, each.look_at, each.fov, each.far = position, target, angle, far
 
 
 def page_size(camera: Any) -> tuple[float, float]:

@@ -1,7 +1,8 @@
 """The controls with which a viewer chooses what is drawn, and from where it is seen."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from html import escape
+import re
 from typing import Any, Optional
 
 import viser
@@ -9,60 +10,72 @@ import viser
 from puretf import abbreviated, visible
 from puretf_tools.view.axes import Display
 from puretf_tools.view.body import BodyDisplay
-from puretf_tools.view.controls import Setting, within
-from puretf_tools.view.details import STYLE
+from puretf_tools.view.controls import Setting, Settings, within
+from puretf_tools.view.details import html, STYLE
 from puretf_tools.view.silent_frames import TIMEOUT
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
 VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),
          'side': (0.0, -1.0, 0.0)}
-#: The smallest and the largest length of an axis (m), side of a cell of the grid (m), timeout (s)
-#: and update rate (Hz).
-_SIZES, _CELLS, _TIMEOUTS, _RATES = (0.02, 2.0), (0.1, 10.0), (1.0, 60.0), (1.0, 30.0)
+#: The smallest and the largest length of an axis (m), and timeout (s).
+_SIZES, _TIMEOUTS = (0.02, 2.0), (1.0, 60.0)
 _OPACITIES = 0.1, 1.0
+#: Red, green, blue of the buttons, by whether the page is dark: viser's own are too light for
+#: white text.
+_BRANDS = (10, 70, 145), (95, 150, 225)
 _MOST_LINES, _LONGEST_LINE = 30, 500
+_LONGEST_FILTER = 200  # characters
 #: The place of a text below all controls, also those that are added later.
-_LAST = 1e9
+LAST = 1e9
 
 
 class DisplayPanel:
     """The controls of a `Display`."""
 
-    def __init__(self, gui: viser.GuiApi, look_from: Callable[[str], Awaitable[object]]) -> None:
-        """Add the controls; `look_from` moves the camera to one of `VIEWS`."""
-        self._gui, self._look_from = gui, look_from
-        views = gui.add_button_group('View', tuple(VIEWS))
-        views.on_click(self._on_view)
-        self._axes = gui.add_checkbox('Axes', True)
-        self._size = gui.add_slider('Axis length (m)', *_SIZES, 0.02, 0.16)
-        self._lines = gui.add_checkbox('Lines to parents', True)
-        self._names = gui.add_checkbox('Show names', True)
-        self._names_shown = Setting(self._names, self._choose_names)
+    def __init__(self, gui: viser.GuiApi, settings: Settings) -> None:
+        """Add the controls to the current container."""
+        self._gui = gui
+        self._include, self._exclude = (
+            settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
+        self._problem = gui.add_html('')
+        #: The expressions of the frames that are shown, and of those that are not; None: of none.
+        self._filters: list[Optional[re.Pattern[str]]] = [None, None]
+        for box in self._include, self._exclude:
+            box.on_update(self._on_filter)
+        self._axes = settings.control(gui.add_checkbox('Axes', True))
+        self._size = settings.control(gui.add_slider('Axis length (m)', *_SIZES, 0.02, 0.16))
+        self._lines = settings.control(gui.add_checkbox('Lines to parents', True))
+        self._names_shown = Setting(gui.add_checkbox('Show names', True), self._choose_names)
         self._names_chosen: Optional[bool] = None
-        self._grid = gui.add_checkbox('Grid', True)
-        self._cell = gui.add_slider('Cell of the grid (m)', *_CELLS, 0.1, 0.5)
-        self._timeout = gui.add_slider(
-            'Frame timeout (s)', *_TIMEOUTS, 1.0, TIMEOUT,
-            hint='a frame that was not updated for this time is not drawn')
-        self._rate = gui.add_slider('Update rate (Hz)', *_RATES, 1.0, _RATES[1])
-        self._dark = gui.add_checkbox('Dark', False)
+        settings.add('Show names', lambda: self._names_chosen, self._choose_names, bool,
+                     type(None))
+        self._grid = settings.control(gui.add_checkbox('Grid', True))
+        self._timeout = settings.control(
+            gui.add_slider('Frame timeout (s)', *_TIMEOUTS, 1.0, TIMEOUT))
+        self._dark = settings.control(gui.add_checkbox('Dark', False))
         self._dark.on_update(self._on_dark)
 
-    async def _on_view(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.target.value in VIEWS:
-            await self._look_from(event.target.value)
+    async def _on_filter(self, event: 'viser.GuiEvent[Any]') -> None:
+        filters, problem = [], ''
+        for label, box in ('Include', self._include), ('Exclude', self._exclude):
+            try:
+                filters.append(_pattern(str(box.value)))
+            except ValueError as error:
+                problem = f'{label}: {error}'
+                filters.append(None)
+        self._filters, self._problem.content = filters, html(problem, 'filter')
 
-    def _choose_names(self, are_shown: bool) -> None:
+    def passes(self, name: str) -> bool:
+        """Return whether the name of a frame passes the filters."""
+        include, exclude = self._filters
+        return (include is None or include.search(name) is not None) and (
+            exclude is None or exclude.search(name) is None)
+
+    def _choose_names(self, are_shown: Optional[bool]) -> None:
         self._names_chosen = are_shown
 
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
         configure(self._gui, bool(event.target.value))
-
-    @property
-    def period(self) -> float:
-        """The shortest time between two updates (s); 0.0: the page is updated whenever it can."""
-        rate = within(self._rate.value, *_RATES)
-        return 0.0 if rate == _RATES[1] else 1.0 / rate
 
     def show_names(self, are_few: bool) -> None:
         """Tick the checkbox for names if there are few, unless the viewer has used it."""
@@ -74,27 +87,36 @@ class DisplayPanel:
         if size != value:  # such as NaN, which a viewer has sent
             self._size.value = size
         return Display(
-            size, bool(self._axes.value), bool(self._lines.value), bool(self._names.value),
-            within(self._cell.value, *_CELLS) if self._grid.value else 0.0,
+            size, bool(self._axes.value), bool(self._lines.value),
+            bool(self._names_shown.value), bool(self._grid.value),
             within(self._timeout.value, *_TIMEOUTS), hidden, bool(self._dark.value))
 
 
 def configure(gui: viser.GuiApi, is_dark: bool) -> None:
     """Set the theme of a viewer."""
     gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False,
-                        control_width='large')
+                        control_width='large', brand_color=_BRANDS[is_dark])
+
+
+def _pattern(text: str) -> 'Optional[re.Pattern[str]]':
+    """Compile a regular expression; None: it is empty; raise a ValueError if it is none."""
+    if len(text) > _LONGEST_FILTER:
+        raise ValueError(f'more than {_LONGEST_FILTER} characters')
+    try:
+        return re.compile(text) if text else None
+    except (re.error, RecursionError, OverflowError) as error:
+        raise ValueError(f'not a regular expression: {error}') from None
 
 
 class RobotPanel:
     """The controls of a `BodyDisplay`, and lines about descriptions and meshes."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, settings: Settings) -> None:
         """Add the controls to the current container."""
-        self._visual = gui.add_checkbox('Visual', True, hint='the shapes as they look')
-        self._collision = gui.add_checkbox(
-            'Collision', False, hint='the shapes with which programs check for collisions')
-        self._opacity = gui.add_slider('Opacity', *_OPACITIES, 0.05, _OPACITIES[1])
-        self._text = gui.add_html('', order=_LAST)
+        self._visual, self._collision, self._opacity = map(settings.control, (
+            gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False),
+            gui.add_slider('Opacity', *_OPACITIES, 0.05, _OPACITIES[1])))
+        self._text = gui.add_html('', order=LAST)
         self._lines: tuple[Sequence[str], Sequence[str]] = (), ()
 
     @property

@@ -76,7 +76,7 @@ class Recording:
                 on_progress(time - self.moments[0].time)
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
-                           placement.deepest, trail, descriptions, BodyDisplay(), follow)
+                           {placement.deepest}, trail, descriptions, BodyDisplay(), follow)
                 scene.move()
                 before = time
             serializer.insert_sleep(PERIOD)  # before the loop begins again

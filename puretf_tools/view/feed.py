@@ -1,5 +1,6 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from time import monotonic
@@ -7,22 +8,37 @@ from typing import NamedTuple, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 
-from puretf import exact_time, Frame, SECOND, TransformBuffer, TransformException
+from puretf import (
+    exact_time,
+    Frame,
+    SECOND,
+    Transform,
+    TransformBuffer,
+    TransformException,
+    visible,
+)
+from puretf.transform_table import Message
+from puretf_tools.doctor.checks import Finding
+from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
+from puretf_tools.inspection.feeds import OtherTopic
+from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.traffic import rate_of, Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
-from puretf_tools.view.hand_publisher import HandPublisher
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from puretf import Buffer
+    from puretf import Buffer, StaticTransformBroadcaster
+    from puretf_tools.inspection.frame_listener import FrameListener
 
 AnyBuffer = Union[TransformBuffer, 'Buffer']
 #: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
+#: The largest number of messages that are examined at a time.
+_MOST_WAITING = 10_000
 
 
 class Player:
@@ -34,6 +50,7 @@ class Player:
         self.speed = 1.0  #: how many times as fast as the recording it runs
         #: When the first and the last message were recorded (ns); (0, 0): it is not known.
         self.recorded: tuple[int, int] = (0, 0)
+        self.loops = True  #: whether it goes on from the start at the end
         self.is_whole = True  #: False while the bag is read: then the player waits at its end
         self.fit(frames)
 
@@ -57,12 +74,74 @@ class Player:
         now = monotonic()
         passed, self._last = now - self._last, now
         if plays:
-            is_over = self.is_whole and self.time >= self.end
+            is_over = self.loops and self.is_whole and self.time >= self.end
             self.seek(self.begin if is_over else self.time + round(passed * self.speed * SECOND))
 
     def seek(self, time: int) -> None:
         """Go to a time (ns), or to the nearest one in the bag."""
         self.time = min(max(self.begin, time), self.end)
+
+
+class HandPublisher:
+    """Publishes the frames that viewers place by hand, each with a publisher of its own."""
+
+    def __init__(self, frame_listener: 'FrameListener') -> None:
+        self._frame_listener = frame_listener
+        #: By frame: who publishes it.
+        self._broadcasters: dict[str, tuple[object, StaticTransformBroadcaster]] = {}
+        #: The frames that have been published.
+        self._published: set[str] = set()
+
+    def send(self, transform: Transform, owner: object) -> str:
+        """Publish a transform of an owner, and return ''; or return why it is refused."""
+        from geometry_msgs.msg import TransformStamped
+
+        from puretf import StaticTransformBroadcaster
+        node, name = self._frame_listener.node, transform.child_frame_id
+        if self._broadcasters.get(name, (owner,))[0] is not owner:
+            return f'another viewer publishes frame {visible(name)} already'
+        if why := self._why_refused(transform):
+            return why
+        message = TransformStamped(child_frame_id=name)
+        message.header.frame_id = transform.frame_id
+        message.header.stamp = node.get_clock().now().to_msg()
+        t, r = message.transform.translation, message.transform.rotation
+        t.x, t.y, t.z = transform.translation
+        r.x, r.y, r.z, r.w = transform.rotation
+        if name not in self._broadcasters:
+            self._broadcasters[name] = owner, StaticTransformBroadcaster(node)
+        try:
+            self._broadcasters[name][1].sendTransform(message)
+        except ValueError as error:  # such as a name of a parent that is not valid Unicode
+            self.stop(name)
+            return str(error)
+        self._published.add(name)
+        return ''
+
+    def stop(self, name: str) -> None:
+        """Stop publishing a frame: listeners that start later do not receive it."""
+        if found := self._broadcasters.pop(name, None):
+            self._frame_listener.node.destroy_publisher(found[1].pub_tf)
+
+    def _why_refused(self, transform: Transform) -> str:
+        """Return which node publishes the frame already, or that there would be a loop; or ''."""
+        frames = {frame.name: frame for frame in self._frame_listener.buffer.frames()}
+        name = transform.child_frame_id
+        if name in self_and_ancestors(transform.frame_id, frames):
+            return (f'frame {visible(name)} is above {visible(transform.frame_id)}: there would '
+                    'be a loop')
+        if name not in frames:
+            return ''
+        listener, gid = self._frame_listener, frames[name].authority
+        publisher = listener.names_of([gid])[gid]
+        # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
+        is_own = name in self._published and (
+            not publisher.startswith('/')
+            or publisher == self._frame_listener.node.get_fully_qualified_name())
+        # A frame whose publisher has ended can be published by another one.
+        if is_own or listener.is_present(gid) is False:
+            return ''
+        return f'{visible(publisher)} publishes frame {visible(name)} already'
 
 
 class Publication(NamedTuple):
@@ -82,9 +161,12 @@ class Feed:
     hand_publisher: Optional[HandPublisher] = None  #: None for a bag: nothing can be published
     joint_controls: Optional[JointControls] = None  #: None for a bag
     follow: str = ''  #: the frame that stays in the picture, until a viewer chooses another one
-    #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). It is empty
-    #: until the bag has been examined.
-    findings: Sequence[tuple[str, int]] = ()
+    #: What `tf_doctor` finds, errors first; another object after a change.
+    findings: Sequence[Finding] = ()
+    verdict: str = ''  #: the line at the end of its report; '': not examined yet
+
+    def watch(self, now: float) -> None:
+        """Look at what has arrived; `now`: on the monotonic clock (s)."""
 
     def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
         """Return the descriptions of robots by topic; the same object if none has changed."""
@@ -126,6 +208,8 @@ class BagFeed(Feed):
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
         self.done: Optional[float] = None
         self.error: Optional[BaseException] = None  #: what has ended the reading
+        #: The times (ns) to which viewers want to go, until somebody takes them.
+        self.goals: deque[int] = deque(maxlen=1)
 
     def update(self) -> str:
         """Let the player follow the reading; return how far it is, or raise its error."""
@@ -163,10 +247,16 @@ class LiveFeed(Feed):
     def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None,
                  descriptions: Optional[Mapping[str, DescriptionOrWhy]] = None) -> None:
         """Listen; `joint_controls`, `descriptions`: None: those of the nodes in the network."""
+        from puretf.publisher_listener import TransformSampler
         from puretf_tools.inspection.frame_listener import FrameListener
         from puretf_tools.robot.description_listener import DescriptionListener
         self._frame_listener = FrameListener(node, 2 * LENGTH)
         self._traffic = Traffic(self._frame_listener.now)
+        self._recent = RecentFindings(self._frame_listener)
+        self._others = TransformSampler(node, self._frame_listener.topics)
+        #: What was received since the last examination, and whether some was lost before.
+        self._waiting: list[Message] = []
+        self._has_lost = False
         self._descriptions = descriptions if descriptions is not None else DescriptionListener(
             node, self._frame_listener.topics[0].rpartition('/')[0])
         self.name = ' and '.join(reversed(self._frame_listener.topics))
@@ -178,9 +268,20 @@ class LiveFeed(Feed):
         given = self._descriptions
         return given if isinstance(given, Mapping) else given.descriptions()
 
+    def watch(self, now: float) -> None:
+        received = self._frame_listener.received()
+        self._traffic.observe(received.messages)
+        self._waiting += received.messages
+        self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING
+        if self._recent.is_due(now):
+            self._others.poll()
+            self._recent.update(self._waiting[-_MOST_WAITING:], not self._has_lost, [
+                OtherTopic(*each) for each in self._others.topics()], now)
+            self._waiting, self._has_lost = [], False
+            self.findings, self.verdict = self._recent.findings, self._recent.verdict
+
     def publication(self, frame: Frame) -> Publication:
         listener = self._frame_listener
-        self._traffic.observe(listener.received().messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
         nodes = [each for each in self._traffic.by_node(listener, frame.name)
                  if each.is_present is not False]

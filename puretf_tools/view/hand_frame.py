@@ -1,7 +1,6 @@
 """A static frame that a viewer places by hand: its controls, its handles, and texts to copy."""
 
 from collections.abc import Sequence
-import json
 from math import degrees, isfinite, radians
 from typing import Any, Optional
 
@@ -11,8 +10,8 @@ from puretf import is_too_long, shortened, suggest_names, Transform, visible
 from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.view.controls import change, FrameChoice, Setting
-from puretf_tools.view.details import command_line, copied, decimal, html
-from puretf_tools.view.hand_publisher import HandPublisher
+from puretf_tools.view.details import command_line, copied, html
+from puretf_tools.view.feed import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import HANDLES
 
@@ -46,22 +45,16 @@ class HandFrame:
         self._refusal = '', '', ''
         #: x, y, z (m) and roll, pitch, yaw (degrees) in the parent.
         self._pose = _ZERO, _ZERO
-        self._name_control = gui.add_text(
-            'New frame', '', hint='the name of a frame that you place by hand')
+        self._name_control = gui.add_text('New frame', '')
         self._name_control.on_update(self._on_name)
-        self._parent = FrameChoice(gui, 'Parent', 'the parent of the new frame')
-        self._position = gui.add_vector3('x, y, z (m)', (0.0, 0.0, 0.0), step=10.0**-_DIGITS,
-                                         hint='the position in the parent')
-        self._angles = gui.add_vector3(
-            'RPY (°)', (0.0, 0.0, 0.0), step=10.0**-_ANGLE_DIGITS,
-            hint='roll, pitch, yaw: turns about the fixed axes x, y, z of the parent, in this '
-                 'order')
+        self._parent = FrameChoice(gui, 'Parent')
+        self._position, self._angles = (
+            gui.add_vector3(label, _ZERO, step=10.0**-digits)
+            for label, digits in (('x, y, z (m)', _DIGITS), ('RPY (°)', _ANGLE_DIGITS)))
         for control in self._position, self._angles:
             control.on_update(self._on_numbers)
         self._checkbox = Setting(gui.add_checkbox(
-            'Publish', False, visible=publisher is not None,
-            hint='publish the new frame on /tf_static. When you switch this off, programs that '
-                 'have received the frame keep it until they end'), self._on_publish)
+            'Publish', False, visible=publisher is not None), self._on_publish)
         self._text = gui.add_html('')
         self._parent_node = scene.add_frame(HANDLES.rpartition('/')[0], show_axes=False)
         self._handles = scene.add_transform_controls(
@@ -127,8 +120,7 @@ class HandFrame:
         if not problem:
             numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
                           (*position, *map(radians, angles)))
-            texts += [copied(command_line(parent, name, numbers), 'command'),
-                      copied(yaml_text(transform), 'yaml')]
+            texts.append(copied(command_line(parent, name, numbers), 'command'))
         change(self._text, content=''.join(texts))
 
     def _update_publication(self, transform: Transform, problem: str,
@@ -171,16 +163,6 @@ def _problem(transform: Transform, placement: Placement, can_be_published: bool)
     if not can_be_published and name in placement.frames:
         return f'the bag has a frame {name} already'
     return ''
-
-
-def yaml_text(transform: Transform) -> str:
-    """Return a transform in YAML, with the fields of a TransformStamped."""
-    translation, rotation = (
-        ', '.join(f'{axis}: {decimal(value)}' for axis, value in zip('xyzw', values))
-        for values in (transform.translation, transform.rotation))
-    return (f'header:\n  frame_id: {json.dumps(transform.frame_id)}\n'
-            f'child_frame_id: {json.dumps(transform.child_frame_id)}\ntransform:\n'
-            f'  translation: {{{translation}}}\n  rotation: {{{rotation}}}\n')
 
 
 def _quaternion(angles: Vector) -> Quaternion:

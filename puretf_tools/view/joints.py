@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
+from itertools import islice
 from math import degrees, floor, log10
 from typing import Any, Optional
 
@@ -14,8 +15,8 @@ from puretf_tools.robot.joint_senders import JointControl, JointControls
 from puretf_tools.view.controls import change
 from puretf_tools.view.details import html
 
-#: The number of sliders that are shown at a time, and the time between two updates (s).
-_SLIDERS, _PERIOD = 50, 0.1
+#: The largest number of sliders, and the time between two updates (s).
+_SLIDERS, _PERIOD = 200, 0.1
 _LONGEST_NAME = 40  # characters
 #: A slider has about this power of ten of steps.
 _STEPS = 4
@@ -61,18 +62,14 @@ class Joints:
         with container:
             self._status = gui.add_html('')
             self._choice = gui.add_dropdown('Joints of', ('',), visible=False)
-            self._centre = gui.add_button('Centre', visible=False, hint='moves each joint to 0, '
-                                          'or to the middle between its limits')
-            self._wave = gui.add_button('Wave', visible=False,
-                                        hint='lets the robot move by itself again')
-            self._turn = gui.add_button_group('Page', ('previous', 'next'), visible=False)
-        for button in self._turn, self._centre, self._wave:
+            self._centre = gui.add_button('Centre', visible=False)
+            self._wave = gui.add_button('Wave', visible=False)
+        for button in self._centre, self._wave:
             button.on_click(self._on_event)
         self._control: Optional[JointControl] = None  # the one that is shown
         self._sliders: list[_Slider] = []
-        #: What the sliders belong to: the positions, and the page.
-        self._key: tuple[Optional[JointPositions], int] = None, 0
-        self._page, self._pages, self._next = 0, 1, 0.0
+        self._shown: Optional[JointPositions] = None  # what the sliders belong to
+        self._next = 0.0
         #: What the viewer has done since the last update: the handle, its value, and the topic of
         #: the robot that was chosen.
         self._actions: deque[tuple[Any, Any, str]] = deque()
@@ -101,18 +98,15 @@ class Joints:
         text = self._source.why_none
         if control:
             text = control.warning or f'The positions are sent on {control.topic}.'
-        if self._pages > 1:
-            text += f' Page {self._page + 1} of {self._pages}.'
+        if control and (rest := len(control.positions.free) - _SLIDERS) > 0:
+            text += f' {rest} more joints have no slider.'
         change(self._status, content=html(text, 'joints'))
 
     def _act(self, controls: Mapping[str, JointControl]) -> None:
         while self._actions:
             target, value, topic = self._actions.popleft()
             chosen, shown = controls.get(topic), self._control
-            if target is self._turn:
-                step = 1 if value == 'next' else -1
-                self._page = min(max(self._page + step, 0), self._pages - 1)
-            elif target is self._centre and chosen:
+            if target is self._centre and chosen:
                 chosen.centre()
             elif target is self._wave and chosen:
                 chosen.wave()
@@ -123,18 +117,14 @@ class Joints:
                     shown.set(slider.joint.name, slider.position(slider.shown))
 
     def _show(self, positions: Optional[JointPositions]) -> None:
-        joints = [*positions.free.values()] if positions else []
-        self._pages = max(1, -(-len(joints) // _SLIDERS))
-        self._page = min(self._page, self._pages - 1)
-        change(self._turn, visible=self._pages > 1)
-        if self._key != (key := (positions, self._page)):
-            self._key = key
+        if self._shown is not positions:
+            self._shown = positions
             for slider in self._sliders:
                 slider.handle.remove()
-            first = self._page * _SLIDERS
             with self._container:
-                self._sliders = [_Slider(self._gui, joint, positions[joint.name])
-                                 for joint in joints[first:first + _SLIDERS] if positions]
+                self._sliders = [
+                    _Slider(self._gui, joint, positions[joint.name])
+                    for joint in islice(positions.free.values(), _SLIDERS)] if positions else []
             for slider in self._sliders:
                 slider.handle.on_update(self._on_event)
         for slider in self._sliders:

@@ -1,4 +1,4 @@
-"""The pace of a viewer: it is sent an update when it has handled the one before."""
+"""The pace of a viewer, who gets an update when the one before was handled; and their storage."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -7,6 +7,9 @@ from threading import Thread
 from typing import Optional
 
 import viser
+
+#: How long a viewer waits for what the browser has stored (s).
+_PATIENCE = 5.0
 
 
 class Pace:
@@ -17,10 +20,13 @@ class Pace:
     it has handled the update that was sent before.
     """
 
-    def __init__(self, client: viser.ClientHandle) -> None:
-        self._client = client
+    def __init__(self, client: viser.ClientHandle, key: str) -> None:
+        """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
+        self._client, self._key = client, key
         self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
-        self.is_waiting = False  #: True until the last update has been handled
+        self.stored: Optional[str] = None
+        self.is_blocked = False  #: True if the browser stores nothing
+        self.is_waiting = True  #: True until the last update has been handled
         Thread(target=self._work, daemon=True).start()
 
     def when_handled(self, move: Callable[[], object]) -> None:
@@ -32,7 +38,21 @@ class Pace:
         """End the thread."""
         self._moves.put(None)
 
+    def store(self, text: str) -> None:
+        """Let the browser store a text, in place of the one before; '': none."""
+        if text:
+            self._client.local_storage.set_item(self._key, text)
+        else:
+            self._client.local_storage.remove_item(self._key)
+
     def _work(self) -> None:
+        try:
+            self.stored = self._client.local_storage.get_item(self._key, _PATIENCE)
+        except RuntimeError:  # or the viewer has left
+            self.is_blocked = True
+        except TimeoutError:
+            pass
+        self.is_waiting = False
         while move := self._moves.get():
             with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
                 self._client.local_storage.get_item('handled')

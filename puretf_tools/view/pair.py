@@ -1,7 +1,7 @@
-"""The transform between two frames: in numbers, as texts to copy, and over the last seconds."""
+"""The transform between two frames: in numbers, as texts to copy, and over time."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import degrees
+from math import atan2, degrees
 from typing import Any, Optional
 
 import numpy as np
@@ -10,14 +10,17 @@ import viser
 from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
-from puretf_tools.view.controls import FrameChoice
+from puretf_tools.view.controls import FrameChoice, Settings
 from puretf_tools.view.details import command_line, copied, html, STYLE
-from puretf_tools.view.feed import AnyBuffer, LENGTH
+from puretf_tools.view.feed import Feed
 
 #: The shortest times between two updates of the numbers and of the plots (s).
 _NUMBERS_PERIOD, _PLOTS_PERIOD = 0.2, 0.5
-#: The times of the points of a plot, relative to the time shown (ns).
-_OFFSETS = np.arange(-LENGTH * SECOND, 1, SECOND // 20, dtype=np.int64)
+#: The time between two points of a plot (ns), and the largest number of points.
+_STEP, _MOST_POINTS = SECOND // 20, 2400
+#: What the plots show: the last seconds, by the label; 0: the whole bag.
+_SPANS_LIVE, _SPANS_BAG = {'20 s': 20, '2 min': 120}, {'20 s': 20, 'whole bag': 0}
+_AS_A, _AS_B, _SWAP = 'selected as A', 'selected as B', 'swap'
 #: The colours of the plots: those of the axes x, y, z in the scene.
 _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
 
@@ -25,45 +28,59 @@ _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
 class Pair:
     """The transform between two frames that a viewer chooses: numbers, texts to copy, plots."""
 
-    def __init__(self, gui: viser.GuiApi, buffer: AnyBuffer, time_text: Callable[[int], str]
-                 ) -> None:
-        self.buffer, self._time_text = buffer, time_text
-        self._a = FrameChoice(gui, 'A', 'the target frame, in which the pose of B is shown')
-        self._b = FrameChoice(gui, 'B', 'the source frame, whose pose is shown')
+    def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed) -> None:
+        """Add the controls to the current container."""
+        self.buffer, self._feed, self._spans = feed.buffer, feed, (
+            _SPANS_BAG if feed.player else _SPANS_LIVE)
+        self.selected = ''  #: the frame that the buttons take
+        self._a, self._b = (FrameChoice(gui, label, settings=settings) for label in 'AB')
+        self._take = gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP))
+        self._take.on_click(self._on_take)
         self._numbers = gui.add_html('')
-        self._button = gui.add_button(
-            'Write as text', visible=False,
-            hint='a command and a line of Python that stay unchanged, so that you can copy them')
-        self._button.on_click(self._on_click)
-        self._texts = gui.add_html('')
-        self._plots = (_add_plot(gui, 'translation (m)', ('x', 'y', 'z')),
-                       _add_plot(gui, 'rotation (°)', ('roll', 'pitch', 'yaw')))
-        self._frames = '', ''
+        self._span = settings.control(gui.add_dropdown('Plot over', tuple(self._spans)))
+        self._plots = (_add_plot(gui, 'translation', ('x (m)', 'y (m)', 'z (m)')),
+                       _add_plot(gui, 'rotation', ('roll (°)', 'pitch (°)', 'yaw (°)')))
+        self._key = '', '', ''  # the frames and the span
         self._shown: Optional[Transform] = None
+        #: What the plots show: the frames, the buffer and the span; the times (ns), the values.
+        self._plotted: tuple[object, ...] = ()
+        self._times, self._values = np.empty(0, np.int64), np.empty((0, 6))
         #: The `end` and the `now` of the last update of the numbers and of the plots.
         self._updates: dict[str, tuple[int, float]] = {}
 
-    async def _on_click(self, _: 'viser.GuiEvent[Any]') -> None:
-        if transform := self._shown:
-            self._texts.content = _as_texts(transform)
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The two frames, if both are chosen; else none."""
+        frames = self._a.chosen, self._b.chosen
+        return frames if all(frames) else ()
+
+    def choose(self, a: str, b: str) -> None:
+        """Choose both frames."""
+        self._a.choose(a)
+        self._b.choose(b)
+
+    async def _on_take(self, event: 'viser.GuiEvent[Any]') -> None:
+        a, b, action = self._a.chosen, self._b.chosen, event.target.value
+        self.choose(*{_AS_A: (self.selected, b), _AS_B: (a, self.selected), _SWAP: (b, a)}[action])
 
     def set_frames(self, names: Sequence[str]) -> None:
         """Set the frames that can be chosen."""
         for choice in self._a, self._b:
             choice.set_options(names)
-            choice.propose('')
 
     def update(self, end: int, now: float) -> None:
         """
-        Show the transform, and its values in the `LENGTH` seconds before.
+        Show the transform, and its values over time.
 
         :param end: the time of the transform (ns); 0: the latest one that the pair has. If it is
             the same as before, nothing changes, even if the buffer has dropped the data.
         :param now: the time on the monotonic clock (s).
         """
         a, b = frames = self._a.chosen, self._b.chosen
-        if frames != self._frames:
-            self._frames, self._texts.content = frames, ''
+        for choice in self._a, self._b:
+            choice.propose('')
+        if (*frames, self._span.value) != self._key:
+            self._key = *frames, self._span.value
             self._updates.clear()
         if '' in frames or a == b:
             self._show_numbers('A and B are the same frame.' if a == b != '' else '', None)
@@ -96,25 +113,48 @@ class Pair:
 
     def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
         self._shown = transform
-        self._numbers.content = (
-            _as_table(transform, self._time_text) if transform else html(why_not, 'pair'))
-        self._button.visible = transform is not None
+        self._numbers.content = html(why_not, 'pair') if transform is None else (
+            _as_table(transform, self._feed.time_text) + _as_texts(transform))
 
     def _show_plots(self, end: Optional[int]) -> None:
-        """Show the values in the time before `end` (ns); hide the plots if there are none."""
-        known = np.zeros(0, np.bool_)
+        """Show the values up to `end` (ns); hide the plots if there are none."""
+        self._span.visible = end is not None
         if end is not None:
-            times = np.maximum(end + _OFFSETS, 1)  # 0 would be the latest time
-            translations, rotations, known = self.buffer.lookup_transforms(*self._frames, times)
-        is_visible = bool(known.any())
+            self._plot(end)
+        is_visible = end is not None and bool(np.isfinite(self._values).any())
         if is_visible:
-            angles = np.full(translations.shape, np.nan)
-            angles[known] = [*map(euler_from_quaternion, rotations[known].tolist())]
-            translations[~np.isfinite(translations)] = np.nan
-            for plot, values in zip(self._plots, (translations, np.degrees(angles))):
-                plot.data = (_OFFSETS / SECOND, *values.T)
+            zero = self._feed.player.begin if self._feed.player else self._times[-1]
+            for plot, values in zip(self._plots, np.split(self._values, 2, axis=1)):
+                plot.data = ((self._times - zero) / SECOND, *values.T)
         for plot in self._plots:
             plot.visible = is_visible
+
+    def _plot(self, end: int) -> None:
+        """Keep the values of the span; look up only those that are new."""
+        seconds, player = self._spans[self._span.value], self._feed.player
+        end = end or SECOND * max(1, seconds)  # both frames are static: at any time
+        if player and not seconds:
+            begin, end = player.begin, player.end
+        else:
+            begin = max(1, end - seconds * SECOND)  # 0 would be the latest time
+        step = max(_STEP, (end - begin) // _MOST_POINTS)
+        a, b, *_ = self._key
+        key = a, b, self.buffer, step
+        if key != self._plotted or (len(self._times) and not (
+                begin <= self._times[-1] <= end and self._times[0] <= begin + step)):
+            self._plotted, self._times, self._values = key, self._times[:0], self._values[:0]
+        first = int(self._times[-1]) + step if len(self._times) else begin
+        times = np.arange(first, end + 1, step)
+        translations, rotations, known = self.buffer.lookup_transforms(a, b, times)
+        translations[~np.isfinite(translations)] = np.nan
+        angles = np.full(translations.shape, np.nan)
+        angles[known] = np.reshape(
+            [*map(euler_from_quaternion, rotations[known].tolist())], (-1, 3))
+        self._times = np.append(self._times, times)
+        self._values = np.concatenate([
+            self._values, np.column_stack([translations, np.degrees(angles)])])
+        kept = self._times >= begin
+        self._times, self._values = self._times[kept], self._values[kept]
 
 
 def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.GuiUplotHandle:
@@ -128,7 +168,7 @@ def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.Gui
         'show': True, 'size': 2, 'space': 0, 'width': 1, 'stroke': colour, 'fill': colour}}
         for label, colour in zip(labels, _COLOURS)]
     return gui.add_uplot(
-        (_OFFSETS / SECOND, *np.full((3, len(_OFFSETS)), np.nan)), ({'label': 's'}, *series),
+        (np.arange(2.0), *np.full((3, 2), np.nan)), ({'label': 'time (s)'}, *series),
         title=title, scales={'x': {'time': False}}, aspect=1.6, visible=False)
 
 
@@ -140,6 +180,9 @@ def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
     first, *others = transform.matrix().tolist()
     rows = ''.join((
         _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),
+        _row('distance (m)', [float(np.linalg.norm(translation))], 3),
+        _row('angle (°)', [2.0 * degrees(atan2(
+            float(np.linalg.norm(rotation[:3])), abs(rotation[3])))], 2),
         _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
         _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
     return (f'<table style="{STYLE}" data-text="pair">'
@@ -150,13 +193,12 @@ def _as_texts(transform: Transform) -> str:
     """Return in HTML a command, with nine digits, and a line of Python with all digits."""
     _, a, b, translation, rotation = transform
     if not np.isfinite(translation).all():
-        return html('The translation is not finite.', 'pair')
+        return html('The translation is not finite.', 'copy')
     texts = [f'from puretf import Transform; transform = {transform!r}']
     if (a + b).isprintable():  # other characters could control the terminal
         texts.insert(0, command_line(a, b, zip(
             ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*translation, *rotation))))
-    return html('Click a text to select it.', 'pair') + ''.join(
-        copied(text, 'pair') for text in texts)
+    return ''.join(copied(text, 'copy') for text in texts)
 
 
 def _row(label: str, values: Iterable[float], precision: int) -> str:

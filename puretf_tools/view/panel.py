@@ -1,4 +1,4 @@
-"""The panel beside the scene: the controls and texts of one viewer."""
+"""The panels beside the scene: the controls and texts of one viewer."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
@@ -7,81 +7,126 @@ from typing import Any, Optional
 import viser
 
 from puretf_tools.view.body import BodyDisplay
-from puretf_tools.view.controls import AUTOMATIC, FrameChoice, within
-from puretf_tools.view.display import configure, DisplayPanel, RobotPanel
+from puretf_tools.view.controls import AUTOMATIC, FrameChoice, Settings, within
+from puretf_tools.view.details import copied, html
+from puretf_tools.view.display import configure, DisplayPanel, LAST, RobotPanel, VIEWS
 from puretf_tools.view.feed import Feed, LENGTH
+from puretf_tools.view.findings import Findings
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.joints import Joints
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree import Tree
+from puretf_tools.view.viser_private import ACCESSIBLE
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
+#: The width of the panel with the tree (pixels), and a step back or forward (s).
+_TREE_WIDTH, _STEP = 330.0, 0.1
 
 
 class Panel:
     """The controls and texts of one viewer."""
 
-    def __init__(self, client: viser.ClientHandle, feed: Feed,
-                 look_from: Callable[[str], Awaitable[object]]) -> None:
-        """Add the controls; `look_from` moves the camera to one of `VIEWS`."""
+    def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings,
+                 look_from: Callable[[str], Awaitable[object]],
+                 on_reset_view: Callable[[], object]) -> None:
+        """
+        Add the controls.
+
+        :param look_from: moves the camera to one of `VIEWS`, or to the selected 'frame'.
+        :param on_reset_view: forgets what the viewer has set.
+        """
         gui = client.gui
         configure(gui, False)
+        gui.add_html(ACCESSIBLE)
+        self._settings, self._on_reset_view = settings, on_reset_view
         self._options: list[str] = []  # of the dropdowns
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
         self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
-        self._overview = gui.add_html('')
+        self._look_from, self._feed, self._gui = look_from, feed, gui
+        self._add_left_panel(gui)
         self._pause: Any = None
         if feed.player is None:
             self._pause = gui.add_checkbox('Pause', False)
-            self._back = gui.add_slider('Back (s)', 0.0, LENGTH, 0.1, 0.0,
-                                        disabled=True,
-                                        hint='shows an earlier time while the page is paused')
+            self._back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
             self._pause.on_update(self._on_pause)
-            gui.add_button('Reset', hint='forgets all transforms but the static ones, such as '
-                           'those of before a jump in time').on_click(self._on_reset)
-        self.fixed = FrameChoice(
-            gui, 'Fixed frame', 'the frame in which the others are shown', AUTOMATIC)
-        button = gui.add_button('Focus on all frames')
-        button.on_click(partial(self._on_focus, 'all'))
-        self._look_from, self._feed = look_from, feed
-        tabs = gui.add_tab_group()
-        self._gui, self._tabs, self._joint_controls = gui, tabs, feed.joint_controls
+            gui.add_button_group('Transforms', ('reset',)).on_click(self._on_reset)
+            self._add_key('Pause or resume', 'P', self._on_pause_key)
+            for label, key, step in (('Step back', 'B', _STEP), ('Step forward', 'N', -_STEP)):
+                self._add_key(label, key, partial(self._on_step, step))
+        self.fixed = FrameChoice(gui, 'Fixed frame', AUTOMATIC, settings)
+        for label, key, view in (('Focus on all frames', 'A', 'all'),
+                                 ('Focus on the selected frame', 'F', 'frame'),
+                                 ('Look from the top', 'T', 'top')):
+            self._add_key(label, key, partial(self._on_focus, view))
+        gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
+        tabs = self._tabs = gui.add_tab_group()
         #: None until there is a description of a robot.
         self._robot: Optional[RobotPanel] = None
         self._joints: Optional[Joints] = None
         if feed.joint_controls and feed.joint_controls.come_first:
             self._add_robot_tab()
         with tabs.add_tab('Frame'):
-            self.selected = FrameChoice(
-                gui, 'Frame', 'the frame whose details are shown; to select a frame, you can also '
-                'click on its axes or in the tree')
-            self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
-            self.follow = FrameChoice(
-                gui, 'Follow', 'the frame that stays in the picture while it drives')
-            self._follows_yaw = gui.add_checkbox(
-                'Follow its yaw', False, hint='the scene turns with the frame')
-            button = gui.add_button('Focus on the frame')
-            button.on_click(partial(self._on_focus, 'frame'))
+            self.selected = FrameChoice(gui, 'Frame', settings=settings)
+            self.trail = FrameChoice(gui, 'Trail of', settings=settings)
+            self.follow = FrameChoice(gui, 'Follow', settings=settings)
+            self._follows_yaw = settings.control(gui.add_checkbox('Follow its yaw', False))
             self._details = gui.add_html('')
-        self.tree = Tree(gui, tabs.add_tab('Tree'))
         with tabs.add_tab('Display'):
-            self.display = DisplayPanel(gui, look_from)
+            self.display = DisplayPanel(gui, settings)
+            self._add_view_controls(gui)
         with tabs.add_tab('Pair'):
-            self.pair = Pair(gui, feed.buffer, feed.time_text)
+            self.pair = Pair(gui, settings, feed)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
+        self._overview = gui.add_html('', order=LAST)
 
-    async def _on_reset(self, _: 'viser.GuiEvent[Any]') -> None:
+    def _add_left_panel(self, gui: viser.GuiApi) -> None:
+        panel = gui.add_panel()
+        self.tree = Tree(gui, panel.add_tab('Tree'), self._settings,
+                         partial(self._look_from, 'frame'))
+        self.findings = Findings(gui, panel.add_tab('Findings'), self._feed)
+        panel.dock_left()
+        panel.set_width(_TREE_WIDTH)
+
+    def _add_view_controls(self, gui: viser.GuiApi) -> None:
+        gui.add_button('Copy view').on_click(self._on_copy)
+        self._copied = gui.add_html('')
+        self._paste = gui.add_text('Paste view', '')
+        self._paste.on_update(self._on_paste)
+        self._problem = gui.add_html('')
+        gui.add_button('Reset view').on_click(self._on_reset_settings)
+        self._add_key('Reset view', 'R', self._on_reset_settings)
+
+    def _add_key(self, label: str, key: Any, act: Callable[[Any], Any]) -> None:
+        self._gui.add_command(label, hotkey=key).on_trigger(act)
+
+    async def _on_copy(self, _: Any) -> None:
+        self._copied.content = html('Click the line to select it, and copy it:', 'copy') + copied(
+            self._settings.as_json(), 'view')
+
+    async def _on_paste(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None and event.target.value:
+            self._problem.content = html(self._settings.restore(event.target.value), 'paste')
+            event.target.value = ''
+
+    async def _on_reset_settings(self, _: Any) -> None:
+        self._on_reset_view()
+
+    async def _on_reset(self, _: Any) -> None:
         self._feed.reset()
 
-    async def _on_focus(self, view: str, event: 'viser.GuiEvent[Any]') -> None:
+    async def _on_view(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.target.value in VIEWS:
+            await self._look_from(event.target.value)
+
+    async def _on_focus(self, view: str, _: Any) -> None:
         await self._look_from(view)
 
     @property
@@ -89,7 +134,16 @@ class Panel:
         return self._pause is not None and bool(self._pause.value)
 
     async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._back.value, self._back.disabled = 0.0, not event.target.value
+        self._back.disabled = not event.target.value
+        if self._back.disabled:
+            self._back.value = 0.0
+
+    async def _on_pause_key(self, _: Any) -> None:
+        self._pause.value = not self._pause.value
+
+    async def _on_step(self, step: float, _: Any) -> None:
+        self._pause.value = True
+        self._back.value = within(self._back.value + step, 0.0, LENGTH)
 
     @property
     def back(self) -> float:
@@ -107,10 +161,10 @@ class Panel:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
             for choice in self.fixed, self.trail, self.selected, self.follow:
                 choice.set_options(names)
-            self.follow.propose(self._feed.follow)
             self.pair.set_frames(names)
             self.hand_frame.set_frames(names)
         self.fixed.propose(placement.fixed)
+        self.follow.propose(self._feed.follow)
         # While the first dynamic frames appear, the proposal follows the deepest one; then it
         # stays.
         if self._settled is None and placement.is_moving:
@@ -134,9 +188,9 @@ class Panel:
     def _add_robot_tab(self) -> None:
         tab = self._tabs.add_tab('Robot')
         with tab:
-            self._robot = RobotPanel(self._gui)
-        if self._joint_controls:
-            self._joints = Joints(self._gui, tab, self._joint_controls)
+            self._robot = RobotPanel(self._gui, self._settings)
+        if self._feed.joint_controls:
+            self._joints = Joints(self._gui, tab, self._feed.joint_controls)
 
     def act(self) -> None:
         """Move the joints as the viewer wants."""

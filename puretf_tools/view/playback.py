@@ -1,31 +1,34 @@
-"""The controls of a bag: pause, time, speed and step, and the findings of `tf_doctor`."""
+"""The bar of a bag at the foot of the page: time, pause, steps and speed."""
 
 from argparse import ArgumentTypeError
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from math import ceil
 from typing import Any
 
 import viser
 
-from puretf import SECOND, visible
+from puretf import SECOND
 from puretf_tools.cli.times import when
 from puretf_tools.inspection.bag_times import both, why_outside
-from puretf_tools.view.controls import within
+from puretf_tools.view.camera import page_size
+from puretf_tools.view.controls import change, within
 from puretf_tools.view.details import html
 from puretf_tools.view.feed import BagFeed
 
 #: The step of the time slider (s).
 _TIME_STEP = 0.01
-#: The labels of the speeds, from 0.1 to 10 times that of the recording, and of the steps (s).
+#: The speeds, from 0.1 to 10 times that of the recording.
 _SPEEDS = '0.1', '0.2', '0.5', '1', '2', '5', '10'
-_STEPS = '-0.1', '-0.01', '+0.01', '+0.1'
+_PAUSE, _PLAY, _BACK, _NEXT, _LOOP, _ONCE = (
+    'pause', 'play', 'step back', 'step', 'loop: on', 'loop: off')
 #: Of more requests between two updates, only the last ones are carried out.
 _MOST_REQUESTS = 100
-_MOST_FINDINGS = 20
 #: The largest number of characters of a time that a viewer types.
 _LONGEST_GOAL = 100
+#: The bar is this much narrower than the scene, from these widths (pixels).
+_MARGIN, _WIDTHS = 30.0, (320.0, 4000.0)
 
 
 class Playback:
@@ -37,28 +40,39 @@ class Playback:
     """
 
     def __init__(self, gui: viser.GuiApi, feed: BagFeed) -> None:
-        """Create the controls; they appear when the bag has a length."""
+        """Create the controls; the bar appears when the bag has a length."""
         self._gui, self._feed, self._player = gui, feed, feed.player
         self._requests: deque[Callable[[], object]] = deque(maxlen=_MOST_REQUESTS)
-        self._length = 0.0  # of the slider (s)
+        self._length, self._width = 0.0, 0.0  # of the slider (s), of the bar (pixels)
+        self._plays = True
+        self._marked: object = ()
         self._reading = gui.add_html('')
-        self._pause = gui.add_checkbox('Pause', False, visible=False)
-        self._time = gui.add_slider('Time (s)', 0.0, _TIME_STEP, _TIME_STEP, 0.0, visible=False)
-        self._time.on_update(self._on_time)
-        self._shown_time = gui.add_html('', visible=False)
-        goal = gui.add_text('Go to', '', visible=False, hint=(
-            'a time: 1760000012.34 (s), +12.34 (s after the start of the bag), -1.5 (s before its '
-            'end) or 2025-10-09T08:53:32.34Z'))
+        self._bar = gui.add_panel(visible=False)
+        self._tab = self._bar.add_tab(feed.name)
+        with self._tab:
+            self._time = self._slider()
+            self._shown_time = gui.add_html('')
+            self._play = gui.add_button_group('Play', (_PAUSE, _BACK, _NEXT, _LOOP))
+            speed = gui.add_button_group('Speed', _SPEEDS)
+            goal = gui.add_text('Go to', '')
+            self._problem = gui.add_html('')
+        self._play.on_click(self._on_play)
+        speed.on_click(self._on_speed)
         goal.on_update(self._on_goal)
-        self._problem = gui.add_html('', visible=False)
-        speed = gui.add_dropdown('Speed', _SPEEDS, initial_value='1', visible=False)
-        speed.on_update(self._on_speed)
-        step = gui.add_button_group('Step (s)', _STEPS, visible=False)
-        step.on_click(self._on_step)
-        self._controls = (
-            self._pause, self._time, self._shown_time, goal, self._problem, speed, step)
-        self._folder = gui.add_folder('Findings of tf_doctor', expand_by_default=False,
-                                      visible=False)
+        for label, key, action in (('Pause or play the bag', 'P', _PAUSE),
+                                   ('Step back', 'B', _BACK), ('Step forward', 'N', _NEXT)):
+            gui.add_command(label, hotkey=key).on_trigger(partial(self._on_key, action))
+
+    def _slider(self) -> Any:
+        """Add the slider of the time, with marks at the findings."""
+        player = self._player
+        marks = tuple({(finding.time - player.begin) / SECOND: None
+                       for finding in self._feed.findings
+                       if player.begin <= finding.time <= player.end})
+        slider = self._gui.add_slider('Time (s)', 0.0, self._length or _TIME_STEP, _TIME_STEP,
+                                      0.0, marks=marks or None, order=0.0)
+        slider.on_update(self._on_time)
+        return slider
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -70,49 +84,75 @@ class Playback:
             self._requests.append(partial(self._go_to, event.target.value[:_LONGEST_GOAL]))
 
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            if event.target.value in _SPEEDS:
-                self._player.speed = float(event.target.value)
-            else:  # a viewer has sent what the dropdown does not offer
-                event.target.value = f'{self._player.speed:g}'
+        if event.target.value in _SPEEDS:
+            self._player.speed = float(event.target.value)
 
-    async def _on_step(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None and event.target.value in _STEPS:
-            self._requests.append(partial(self._step, float(event.target.value)))
+    async def _on_play(self, event: 'viser.GuiEvent[Any]') -> None:
+        self._act(event.target.value)
 
-    async def _on_finding(self, time: int, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._requests.append(partial(self._stop_at, time))
+    async def _on_key(self, action: str, _: Any) -> None:
+        self._act(action)
 
-    def update(self) -> int:
-        """Advance the player, show its position, and return its time (ns)."""
-        player = self._player
-        self._reading.content = html(self._feed.update(), 'reading')
-        self._set_length(ceil(player.length / _TIME_STEP) * _TIME_STEP)
-        player.advance(not self._pause.value)
+    def _act(self, action: str) -> None:
+        if action in (_PAUSE, _PLAY):
+            self._plays = not self._plays
+        elif action in (_LOOP, _ONCE):
+            self._player.loops = action == _ONCE
+        else:
+            self._requests.append(partial(self._step, is_back=action == _BACK))
+
+    def update(self, clients: Iterable[viser.ClientHandle]) -> int:
+        """Advance the player if somebody looks, show where it is, and return its time (ns)."""
+        player, clients = self._player, [*clients]
+        change(self._reading, content=html(self._feed.update(), 'reading'))
+        length = ceil(player.length / _TIME_STEP) * _TIME_STEP
+        if length != self._length:
+            self._length = self._time.max = length
+            self._bar.visible = True
+        if self._feed.findings is not self._marked and player.is_whole:
+            self._marked = self._feed.findings
+            self._time.remove()
+            with self._tab:
+                self._time = self._slider()
+        player.advance(self._plays and bool(clients))
+        while self._feed.goals:
+            self._stop_at(self._feed.goals.popleft())
         while self._requests:
             self._requests.popleft()()
         self._time.value = round(player.position, 2)
-        self._shown_time.content = html(both(player.time, player.begin), 'time')
-        if self._feed.findings and not self._folder.visible:
-            self._show_findings()
+        speed = f', {player.speed:g} times as fast as recorded' * (player.speed != 1.0)
+        change(self._shown_time, content=html(both(player.time, player.begin) + speed, 'time'))
+        change(self._play, options=(_PAUSE if self._plays else _PLAY, _BACK, _NEXT,
+                                    _LOOP if player.loops else _ONCE))
+        self._fit(clients)
         return player.time
 
-    def _set_length(self, length: float) -> None:
-        if length != self._length:
-            self._length = self._time.max = length
-            for control in self._controls:
-                control.visible = True
+    def _fit(self, clients: Iterable[viser.ClientHandle]) -> None:
+        """Let the bar be as wide as the narrowest scene."""
+        width = min((page_size(client.camera)[0] for client in clients), default=0.0)
+        if width and width != self._width:
+            self._width = width
+            self._bar.float(x=_MARGIN / 2, y=-_MARGIN / 2, width=within(
+                width - _MARGIN, *_WIDTHS))
 
     def _seek(self, position: float) -> None:
         self._player.seek(self._player.begin + round(position * SECOND))
 
-    def _step(self, seconds: float) -> None:
-        self._stop_at(self._player.time + round(seconds * SECOND))
+    def _step(self, is_back: bool) -> None:
+        """Go to the next or the last stamp of any transform."""
+        time, stamps = self._player.time, []
+        for frame in self._feed.buffer.frames():
+            if not frame.is_static:
+                own = self._feed.buffer.path_stamps(frame.parent, frame.name)
+                i = int(own.searchsorted(time, 'left')) - 1 if is_back else int(
+                    own.searchsorted(time, 'right'))
+                stamps += own[max(i, 0):i + 1].tolist()
+        if stamps:
+            self._stop_at(max(stamps) if is_back else min(stamps))
 
     def _stop_at(self, time: int) -> None:
         self._player.seek(time)
-        self._pause.value = True
+        self._plays = False
 
     def _go_to(self, text: str) -> None:
         span, problem = (self._player.begin, self._player.end), ''
@@ -124,18 +164,3 @@ class Playback:
         except ArgumentTypeError as error:
             problem = str(error)
         self._problem.content = html(problem, 'problem')
-
-    def _show_findings(self) -> None:
-        player = self._player
-        self._folder.visible = True
-        with self._folder:
-            for text, time in self._feed.findings[:_MOST_FINDINGS]:
-                if player.begin <= time <= player.end:
-                    button = self._gui.add_button(
-                        f'{(time - player.begin) / SECOND:+.2f} s: {visible(text)}',
-                        hint=f'{both(time, player.begin)}: {visible(text)}')
-                    button.on_click(partial(self._on_finding, time))
-                else:
-                    self._gui.add_html(html(text, 'finding'))
-            if more := len(self._feed.findings[_MOST_FINDINGS:]):
-                self._gui.add_html(html(f'and {more} more', 'finding'))

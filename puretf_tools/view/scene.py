@@ -2,6 +2,8 @@
 
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
+from functools import partial
 from typing import Optional, Union
 
 import numpy as np
@@ -28,10 +30,13 @@ _LETTER, _HALF_LINE = 7.0, 10.0
 _SHARED_NAMES = 2
 _AXIS_RADIUS = 0.05  # of an axis, as a fraction of its length
 _LINE_WIDTH = 2.0  # pixels, of a line to the parent
-_CELLS = 20  # the number of cells along each side of the grid
+_CELLS, _CELL = 20, 0.5  # the number of cells along each side of the grid, and their side (m)
 _LIGHT_GRID, _DARK_GRID = (215, 215, 215), (70, 70, 70)
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
+_PAIR_COLOUR, _PAIR_WIDTH = (0, 150, 160), 4.0
+#: A click selects a frame if it is this near to an axis (pixels).
+_TARGET = 10.0
 #: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
 #: one label shows both names, since two labels would overlap.
 _NEAR = 0.34
@@ -55,7 +60,7 @@ class Scene:
         self._followed = '', False
         self._held = np.zeros(3), 0.0
         self._grid: Optional[viser.LineSegmentsHandle] = None
-        self._shown_grid = 0.0, False  # its cell (m), and whether it is dark
+        self._shown_grid = False, False  # whether it is shown, and whether it is dark
         self._axes: Optional[viser.BatchedAxesHandle] = None
         self._lines: Optional[viser.LineSegmentsHandle] = None
         #: By the number of its piece: the newest number when it was coloured, its lines.
@@ -65,15 +70,21 @@ class Scene:
         self._labels: dict[str, viser.LabelHandle] = {}
         self._label_count = 0
         self._moves: list[Move] = []
-        #: In the order of the axes, so that `_click` finds the frame.
-        self._frame_names: list[str] = []
-        #: The frame that was clicked last, until somebody takes it.
+        self._pair: Optional[viser.LineSegmentsHandle] = None
+        #: The last placement, how it was drawn, and the labels, for clicks.
+        self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
+        #: The frame that was clicked last, until somebody takes it; and with the key Shift.
         self.clicks: deque[str] = deque(maxlen=1)
+        self.shift_clicks: deque[str] = deque(maxlen=1)
         self.body = Body(self._scene, meshes, self.clicks.append, self._put)
+        if isinstance(owner, viser.ClientHandle):
+            owner.scene.on_click()(partial(self._on_click, self.clicks))
+            owner.scene.on_click(modifier='shift')(partial(self._on_click, self.shift_clicks))
 
-    def show(self, placement: Placement, display: Display, selected: str,
+    def show(self, placement: Placement, display: Display, selected: Collection[str],
              trail: Pieces, descriptions: Mapping[str, DescriptionOrWhy],
-             body: BodyDisplay, follow: str = '', with_yaw: bool = False) -> None:
+             body: BodyDisplay, follow: str = '', with_yaw: bool = False,
+             pair: Collection[str] = ()) -> None:
         """
         Show frames, a trail, and the bodies of robots, but do not `move` names and bodies yet.
 
@@ -81,14 +92,15 @@ class Scene:
 
         :param follow: the frame that stays where it is in the scene; '': the fixed frame does.
         :param with_yaw: whether it keeps its yaw, too.
+        :param pair: two frames that a line connects; or none.
         """
         with self._owner.atomic():
-            self._frame_names = placement.names
             self._move_world(placement, follow, with_yaw)
-            self._show_grid(display.cell, display.is_dark)
+            self._show_grid(display.with_grid, display.is_dark)
             self._show_axes(axes(placement, display, selected), display.size, display.with_axes)
             self._show_lines(lines(placement, display), display.with_lines)
             self._show_names(placement, display, selected)
+            self._show_pair(placement, pair)
             self._show_trail(trail)
             self.body.show(descriptions, placement, display, body)
 
@@ -146,15 +158,15 @@ class Scene:
             self._put(self._world, (x, y, z), (
                 float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))
 
-    def _show_grid(self, cell: float, is_dark: bool) -> None:
-        if (cell, is_dark) == self._shown_grid:
+    def _show_grid(self, is_visible: bool, is_dark: bool) -> None:
+        if (is_visible, is_dark) == self._shown_grid:
             return
-        self._shown_grid = cell, is_dark
+        self._shown_grid = is_visible, is_dark
         if self._grid is not None:
             self._grid.remove()
         self._grid = self._scene.add_line_segments(
-            f'{WORLD}/grid', _grid(cell), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
-            thickness_units='screen') if cell else None
+            f'{WORLD}/grid', _grid(), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
+            thickness_units='screen') if is_visible else None
 
     def _show_axes(self, new: Axes, size: float, are_visible: bool) -> None:
         if not len(new.positions):
@@ -165,7 +177,6 @@ class Scene:
             self._axes = self._scene.add_batched_axes(
                 f'{WORLD}/frames', new.wxyzs, new.positions, new.scales, axes_length=size,
                 axes_radius=size * _AXIS_RADIUS)
-            self._axes.on_click(self._click)
         for name, values in new._asdict().items():
             setattr(self._axes, f'batched_{name}', values.astype(np.float32))
         if size != self._axes.axes_length:
@@ -184,21 +195,58 @@ class Scene:
         self._lines.points, self._lines.colors = new.points.astype(np.float32), new.colors
         self._lines.visible = are_visible
 
-    async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedAxesHandle]') -> None:
-        names, index = self._frame_names, event.instance_index
-        if isinstance(index, int) and 0 <= index < len(names):
-            self.clicks.append(names[index])
+    def _show_pair(self, placement: Placement, pair: Collection[str]) -> None:
+        if is_visible := len(pair) == 2 and {*pair} <= {*placement.names}:
+            ends = rounded(placement.points[[placement.names.index(name) for name in pair]])
+            if self._pair is None:
+                self._pair = self._scene.add_line_segments(
+                    f'{WORLD}/pair', ends[None], _PAIR_COLOUR, thickness=_PAIR_WIDTH,
+                    thickness_units='screen')
+            if (self._pair.points != ends).any():
+                self._pair.points = ends[None].astype(np.float32)
+        if self._pair is not None:
+            self._pair.visible = is_visible
 
-    def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
+    async def _on_click(self, clicks: 'deque[str]', event: viser.SceneClickEvent) -> None:
+        camera, (x, y) = event.client.camera, event.screen_pos
+        with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
+            if name := self._at(x * camera.image_width, y * camera.image_height, camera):
+                clicks.append(name)
+
+    def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:
+        """Return the frame whose name or axes are drawn at a pixel; '' if there is none."""
+        if self._shown is None:
+            return ''
+        placement, display, labels = self._shown
+        for (name, (text, place)) in labels.items():
+            (left, bottom, depth), = _pixels(self.in_scene(place[None]), camera)
+            if (depth > 0.0 and 0.0 <= x - left <= _LETTER * (len(text) + 2)
+                    and 0.0 <= bottom - y <= 2 * _HALF_LINE):
+                return name
+        drawn = [i for i, name in enumerate(placement.names) if name in display.shown(placement)]
+        if not drawn or not display.with_axes:
+            return ''
+        turns = viser.transforms.SO3(placement.poses[drawn][:, [6, 3, 4, 5]]).as_matrix()
+        # (n, 3, k, 3): points along the axes.
+        along = turns.swapaxes(1, 2)[:, :, None] * np.linspace(0.0, display.size, 9)[:, None]
+        points = (placement.points[drawn][:, None, None] + along).reshape(-1, 3)
+        *places, depths = _pixels(self.in_scene(points), camera).T
+        distances = np.where(depths > 0.0, np.hypot(places[0] - x, places[1] - y), np.inf)
+        best = int(distances.argmin())
+        return placement.names[drawn[best // 27]] if distances[best] <= _TARGET else ''
+
+    def _show_names(self, placement: Placement, display: Display, selected: Collection[str]
+                    ) -> None:
         texts = _texts(placement, display) if display.with_names else []
         shown = {name: (text, position) for name, text, position in zip(
             placement.names, texts, rounded(placement.points)) if text}
         if isinstance(self._owner, viser.ClientHandle):
             # Names that are shown stay, so that they do not flicker.
-            first = [selected, *(name for name, label in self._labels.items() if label.visible)]
+            first = [*selected, *(name for name, label in self._labels.items() if label.visible)]
             shown = _without_overlap(
                 {**{name: shown[name] for name in first if name in shown}, **shown},
                 self._owner.camera, self.in_scene)
+        self._shown = placement, display, shown
         for name in self._labels.keys() - shown.keys():
             self._labels[name].visible = False
         for name in self._labels.keys() - {*placement.names}:
@@ -236,13 +284,13 @@ class Scene:
             self._trail[number] = newest, new, piece
 
 
-def _grid(cell: float) -> NDArray[np.float64]:
+def _grid() -> NDArray[np.float64]:
     """
     Return the lines of a grid: (n, 2, 3), two ends, x, y, z (m).
 
     Without a GPU, drawing viser's own grid would take most of the time.
     """
-    half = _CELLS * cell / 2
+    half = _CELLS * _CELL / 2
     places = np.linspace(-half, half, _CELLS + 1)
     along_y = np.array([[(x, -half, 0.0), (x, half, 0.0)] for x in places])
     return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
@@ -278,20 +326,16 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
     if not labels:
         return labels
     try:
-        points = in_scene(
-            np.array([position for _, position in labels.values()])) - camera.position
-        # The camera looks along its z axis; its y axis points down (as in viser's documentation).
-        x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points).T
-        focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-        with np.errstate(all='ignore'):
-            columns, rows = (np.floor(focal * each / z / side) for each, side in (
-                (x, _LETTER), (y, _HALF_LINE)))
+        pixels = _pixels(in_scene(
+            np.array([position for _, position in labels.values()])), camera)
     except Exception:  # the camera is not known yet, or the client has sent nonsense
         return labels
+    with np.errstate(all='ignore'):
+        columns, rows = np.floor(pixels[:, 0] / _LETTER), np.floor(pixels[:, 1] / _HALF_LINE)
     taken: set[tuple[float, float]] = set()
     kept = {}
     for (name, label), column, row, depth in zip(
-            labels.items(), columns.tolist(), rows.tolist(), z.tolist()):
+            labels.items(), columns.tolist(), rows.tolist(), pixels[:, 2].tolist()):
         cells = {(column + i, row - j) for i in range(len(label[0]) + 2) for j in range(3)}
         if depth <= 0.0:  # behind the camera
             kept[name] = label
@@ -299,6 +343,16 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
             taken |= cells
             kept[name] = label
     return kept
+
+
+def _pixels(points: NDArray[np.float64], camera: viser.CameraHandle) -> NDArray[np.float64]:
+    """Return where a camera sees points (n, 3) of the scene: column, row (pixels), depth (m)."""
+    # The camera looks along its z axis; its y axis points down (as in viser's documentation).
+    x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points - camera.position).T
+    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
+    with np.errstate(all='ignore'):
+        return np.column_stack([camera.image_width / 2 + focal * x / z,
+                                camera.image_height / 2 + focal * y / z, z])
 
 
 def _cut(name: str) -> str:

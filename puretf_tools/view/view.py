@@ -1,20 +1,24 @@
-"""The page: the scene and the panel, updated from a feed and from the viewers' choices."""
+"""The page: the scene and the panels, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import Any, Optional
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 import viser
 
 from puretf import SECOND, TransformBuffer
+from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes import Display
 from puretf_tools.view.camera import FirstCamera, look_at
+from puretf_tools.view.controls import Settings
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.display import VIEWS
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
+from puretf_tools.view.findings import marks
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.pace import Pace
 from puretf_tools.view.panel import Panel
@@ -26,19 +30,44 @@ from puretf_tools.view.viser_private import receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
-#: The time between two updates of the hint at other topics (s).
-_HINT_PERIOD = 1.0
+#: The time between two updates of the hint at other topics, and between two looks at whether the
+#: browser is to store something (s).
+_HINT_PERIOD = _STORE_PERIOD = 1.0
+#: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
+#: page, `_IDLE_PERIOD` while no browser shows it.
+_UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
+#: After an update that took long, since there are many frames, the page rests for this many times
+#: as long. Meanwhile viser sends the changes to the viewers.
+_REST = 4.0
 #: The number of moments of a bag that the first camera shows.
 _MOMENTS = 30
+
+
+def show(feed: Feed, server: Server, meshes: Sequence[str] = (), view: str = '',
+         on_served: Callable[[], object] = lambda: None) -> None:
+    """Show a feed until a signal; call a function when the page is there. See `View`."""
+    shown = View(feed, server, meshes=meshes, view=view)
+    on_served()
+    while True:
+        start = monotonic()
+        shown.update()
+        spent = monotonic() - start
+        sleep(max(_UPDATE_PERIOD - spent, _REST * spent))
+        wait_until(_IDLE_PERIOD, server.get_clients)
 
 
 class View:
     """The page: the frames, and what each of its viewers has chosen."""
 
     def __init__(self, feed: Feed, server: Server, clock: Callable[[], float] = monotonic,
-                 meshes: Sequence[str] = ()) -> None:
-        """Show a feed; `meshes`: the directories with the meshes of robots."""
-        self._feed, self._clock, self._server = feed, clock, server
+                 meshes: Sequence[str] = (), view: str = '') -> None:
+        """
+        Show a feed.
+
+        :param meshes: the directories with the meshes of robots.
+        :param view: what viewers see at first, as a line of JSON.
+        """
+        self._feed, self._clock, self._server, self._first = feed, clock, server, view
         self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
@@ -46,19 +75,22 @@ class View:
         #: Where the frames of a bag are at some moments: (n, 3) (m); None: not known yet.
         self._path: Optional[NDArray[np.float64]] = None
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
-        self._hint, self._next_hint = '', 0.0
+        self._hint, self._next_hint, self._next_watch = '', 0.0, 0.0
         server.gui.set_panel_label(feed.name)
 
     def update(self) -> None:
         """Read the feed and the panels, and update what each viewer sees."""
         now = self._clock()
-        until = self._playback.update() if self._playback else 0
+        clients = self._server.get_clients()
+        until = self._playback.update(clients.values()) if self._playback else 0
+        if clients and now >= self._next_watch:
+            self._feed.watch(now)
+            self._next_watch = now + _TEXT_PERIOD
         if now >= self._next_hint:
             self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
         descriptions = self._feed.descriptions()
         if self._feed.joint_controls:
             self._feed.joint_controls.update(descriptions)
-        clients = self._server.get_clients()
         for gone in self.viewers.keys() - clients.keys():
             self.viewers.pop(gone).close()
         placements: dict[tuple[str, int], Placement] = {}
@@ -72,12 +104,12 @@ class View:
             if number not in self.viewers:
                 self._meshes.forget_failures()
                 self.viewers[number] = Viewer(
-                    client, self._feed, self._server.initial_camera, self._meshes)
+                    client, self._feed, self._server.initial_camera, self._meshes, self._first)
                 if self._path is not None:
                     self.viewers[number].first_camera.extend(self._path)
             viewer = self.viewers[number]
-            if viewer.is_due(now):
-                viewer.update(place, until, now, self._hint, descriptions)
+            if viewer.is_due:
+                viewer.update(place, until, now, self._hint, descriptions, len(clients) == 1)
             else:
                 viewer.act()
         if not until and not placements:
@@ -103,13 +135,20 @@ class Viewer:
     """What one viewer sees: a scene and a panel."""
 
     def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any,
-                 meshes: Meshes) -> None:
+                 meshes: Meshes, first: str = '') -> None:
         #: The camera of the viewer, and the one to which viewers can reset theirs.
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
-        self._pace = Pace(client)
+        # For another `--view`, the browser has stored nothing yet.
+        self._pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
+        self._client, self._first, self._is_restored = client, first, False
+        #: What the browser has stored, and when that is compared next (s, monotonic clock).
+        self._stored, self._next_store = '', 0.0
+        self._until = self._goal = 0  # of a bag: what is shown, and what is wanted (ns)
         self._scene = Scene(client, meshes)
-        self._panel = Panel(client, feed, self._look_from)
+        self._settings = Settings()
+        self._panel = Panel(client, feed, self._settings, self._look_from, self._reset_view)
+        self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         self._placement: Optional[Placement] = None
         self._shown: tuple[str, int] = '', 0  # the request for a paused placement
         self._paused_at = 0  # the time that a paused page shows (ns)
@@ -118,13 +157,40 @@ class Viewer:
         #: The frames that can be chosen.
         self._names: dict[str, None] = {}
         self._use(feed.buffer)
-        #: The earliest times of the next update, and of that of the texts (s, monotonic clock).
-        self._next = self._next_texts = 0.0
+        self._next_texts = 0.0  # the earliest time of their next update (s, monotonic clock)
         #: The placement for which the shown texts were made, the names of the chosen fixed frame
         #: and of the selected frame, the hint at other topics, and the timeout (s).
         self._texts_key: tuple[Optional[Placement], tuple[str, str, str, float]] = (
             None, ('', '', '', 0.0))
         self.first_camera = FirstCamera(self._cameras)
+        self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore,
+                           list)
+        if feed.player:
+            self._settings.add('Time', lambda: self._until, self._go_to, int)
+
+    def _go_to(self, time: int) -> None:
+        self._goal = time
+
+    def _reset_view(self) -> None:
+        self._settings.reset()
+        self._settings.restore(self._first or '{}')
+
+    def _restore(self, is_alone: bool) -> None:
+        """Show what the browser has stored, or else what is shown at first."""
+        self._is_restored = True
+        self._settings.restore(self._pace.stored or self._first or '{}')
+        if not is_alone:
+            self._goal = 0
+        if self._pace.is_blocked:
+            self._client.add_notification('The view is not kept', 'This browser lets the page '
+                                          'store nothing: reloading it begins again.')
+
+    def _store(self, now: float) -> None:
+        if now >= self._next_store and not self._pace.is_blocked:
+            self._next_store = now + _STORE_PERIOD
+            if (text := self._settings.as_json()) != self._stored:
+                self._stored = text
+                self._pace.store(text)
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
@@ -135,9 +201,10 @@ class Viewer:
         """Move the joints as the viewer wants, who need not wait for what is drawn."""
         self._panel.act()
 
-    def is_due(self, now: float) -> bool:
-        """Return whether the viewer has handled the last update, and may get the next one."""
-        return now >= self._next and not self._pace.is_waiting
+    @property
+    def is_due(self) -> bool:
+        """Whether the viewer has handled the last update, and may get the next one."""
+        return not self._pace.is_waiting
 
     def _place(self, place: Callable[[str, int], Placement], until: int) -> Placement:
         """Return the frames to show; while they are paused, those of a copy of the buffer."""
@@ -165,40 +232,64 @@ class Viewer:
         self._trail = Trail(buffer)
 
     def update(self, place: Callable[[str, int], Placement], until: int, now: float, hint: str,
-               descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+               descriptions: Mapping[str, DescriptionOrWhy], is_alone: bool = True) -> None:
         """
         Show the frames; the viewer must be due.
 
         :param place: returns the frames for a chosen fixed frame and a time (ns).
         :param until: the time of a bag (ns); 0: the frames are live.
         :param now: on the monotonic clock (s).
+        :param is_alone: whether there is no other viewer, who has chosen the time of a bag.
         """
         panel = self._panel
-        self._next = now + panel.display.period
+        if not self._is_restored:
+            self._restore(is_alone)
+        self._until, player = until, self._feed.player
+        if self._goal and player and player.is_whole:
+            player.seek(self._goal)
+            self._goal = 0
         placement = self._placement = self._place(place, until)
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])
         panel.set_frames(placement, [*self._names], now)
-        if panel.tree.clicks:
-            panel.selected.choose(panel.tree.clicks.pop())
-        if self._scene.clicks:
-            click = self._scene.clicks.pop()
-            panel.selected.choose(click)
-            panel.tree.turn_to(click)
-        hidden = panel.tree.hidden(placement)
+        self._take_clicks(placement)
+        selected = panel.selected.name
+        hidden = panel.tree.hidden(placement, panel.display.passes)
         display = panel.display.display(hidden)
-        panel.tree.update(placement, panel.selected.name, hidden, now)
-        self._scene.show(placement, display, panel.selected.name,
+        panel.tree.update(placement, selected, hidden, marks(self._feed.findings), now)
+        panel.findings.update()
+        self._scene.show(placement, display, {selected, *self._marked},
                          self._trail.pieces(placement, panel.trail.name, display), descriptions,
-                         panel.body, panel.follow.name, panel.follows_yaw)
+                         panel.body, panel.follow.name, panel.follows_yaw, panel.pair.frames)
         panel.update_robots(self._scene.body.lines, now)
+        panel.pair.selected = selected
         panel.pair.update(self._shown[1] if self._copy else until, now)
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self._pace.when_handled(self._scene.move)
+        self._store(now)
+
+    def _take_clicks(self, placement: Placement) -> None:
+        """Select what the viewer has clicked in the tree, in the scene and in the findings."""
+        panel, scene = self._panel, self._scene
+        if panel.findings.clicks:
+            finding = panel.findings.clicks.pop()
+            self._marked = finding.frames
+            panel.selected.choose(next(iter(finding.frames), panel.selected.name))
+            panel.tree.unfold(placement, panel.selected.name)
+            if isinstance(self._feed, BagFeed) and finding.time:
+                self._feed.goals.append(finding.time)
+        if scene.shift_clicks:
+            panel.pair.choose(panel.selected.name, scene.shift_clicks.pop())
+        for clicks in panel.tree.clicks, scene.clicks:
+            if clicks:
+                panel.selected.choose(clicks.pop())
+                self._marked = ()
+                if clicks is scene.clicks:
+                    panel.tree.unfold(placement, panel.selected.name)
 
     def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
@@ -217,7 +308,7 @@ class Viewer:
         if (placement := self._placement) is None:
             return
         hidden = (frozenset(placement.names) - {self._panel.selected.name} if view == 'frame' else
-                  self._panel.tree.hidden(placement))
+                  self._panel.tree.hidden(placement, self._panel.display.passes))
         shown = self._panel.display.display(hidden).shown(placement)
         look_at(self._scene.seen(placement, shown), self._cameras, VIEWS.get(view, VIEWS['all']))
         self.first_camera.is_over = True

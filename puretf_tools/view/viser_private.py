@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 _LONGEST_MESSAGE = 2**16
 #: What the page sends. viser would also take uploads, and requests to make the page public.
 _MESSAGES = (
-    'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage',
+    'ViewerCameraMessage', 'SceneNodeClickMessage', 'ScenePointerMessage', 'GuiUpdateMessage',
+    'CommandTriggerMessage',
     'LocalStorageGetItemResponseMessage', 'TransformControlsDragStartMessage',
     'TransformControlsUpdateMessage', 'TransformControlsDragEndMessage')
 #: The largest number of messages of an update.
@@ -53,6 +54,28 @@ WORLD = '/world'
 HANDLES = f'{WORLD}/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
+
+#: HTML by which all controls have a name, and texts enough contrast: viser's fields and sliders do
+#: not belong to their labels, its buttons with an icon have no text, and its greys are too light.
+ACCESSIBLE = """<style onload="const fields = 'input, textarea, [role=slider]', name = () => {
+  for (const label of document.querySelectorAll('label[for]')) {
+    let row = label;
+    while (row.parentElement && !row.querySelector(fields)) row = row.parentElement;
+    if (row.querySelectorAll('label[for]').length == 1)  // else this label has no field
+      for (const field of row.querySelectorAll(fields))
+        if (!field.getAttribute('aria-label')) field.setAttribute('aria-label', label.textContent);
+  }
+  for (const icon of document.querySelectorAll('button:not([aria-label]) svg')) {
+    const button = icon.closest('button'), name = icon.classList[1]?.slice('tabler-icon-'.length);
+    if (name || button.matches('.mantine-CloseButton-root'))
+      button.setAttribute('aria-label', button.textContent || name || 'close');
+  }
+};
+name();
+new MutationObserver(name).observe(document.body, {childList: true, subtree: true});">
+:root[data-mantine-color-scheme=light] { --mantine-color-dimmed: #595f66 }
+:root[data-mantine-color-scheme=dark] { --mantine-color-dimmed: #a9afb6 }
+</style>"""
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w, x, y, z

@@ -136,7 +136,7 @@ def test_a_time_of_a_bag_in_a_browser(start, tmp_path):
 
 
 def test_time_that_goes_back_in_a_browser(ros, start, tmp_path):
-    """The page begins again by itself if a publisher goes back, or by the button Reset."""
+    """The page begins again by itself if a publisher goes back, or by the button 'reset'."""
     offsets, broadcaster = {'hand': 0.0, 'tool': 0.0}, TransformBroadcaster(ros.node)
 
     def send():
@@ -164,56 +164,225 @@ def test_time_that_goes_back_in_a_browser(ros, start, tmp_path):
         page.until(lambda: 'went back' not in page.overview())
         offsets['tool'] = -160.0  # only a part of what the node publishes
         page.until(lambda: 'their time went back by 30 s' in page.overview())
-        page.button('Reset')
+        page.button('reset')
         moves()
 
 
-def test_the_tabs_in_a_browser(ros, listening, start, tmp_path):
-    """A viewer uses each tab, on a wide screen and on a narrow one."""
+#: A robot of 30 frames, whose names are below each other.
+LINKS = tuple(f'link_{i:02}' for i in range(30))
+
+
+class Robot:
+    """Publishes the frames of a robot with faults: a misspelt parent, and a second publisher."""
+
+    def __init__(self, ros):
+        """Publish at 20 Hz, from two nodes."""
+        from rclpy import create_node
+        self.first = TransformBroadcaster(ros.node)
+        self.node = create_node('second', context=ros.context)
+        self.second = TransformBroadcaster(self.node)
+        ros.node.create_timer(0.05, self.send)
+
+    def send(self):
+        """Send all transforms."""
+        now = time.time_ns()
+        self.first.sendTransform([
+            stamped('map', 'base_link', now, 0.0), stamped('base_lnk', 'laser', now, 1.0),
+            *(stamped('base_link', name, now, 0.1 * i) for i, name in enumerate(LINKS))])
+        self.second.sendTransform(stamped('base_link', LINKS[3], now, 0.5))
+
+
+def test_the_tree_and_the_findings_in_a_browser(ros, start, tmp_path):
+    """A viewer finds a misspelt name and a second publisher, and works with the rows."""
+    Robot(ros)
+    view = start(*tool('web_view'), domain=ros.domain)
+    with ros.spinning(), pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1], 1300, 800)
+        for name, code in ('base_lnk', 'similar_name'), (LINKS[3], 'two_publishers'):
+            page.until(lambda: page.rows().get(name, '').endswith(f'⚠ {code}'))  # noqa: B023
+        page.open_tab('Findings')
+        page.button('similar_name: base_lnk')
+        page.open_tab('Frame')
+        page.until(lambda: 'is a root' in page.page.inner_text('[data-text="details"]'))
+        assert 'If both are the same frame, use the same name' in page.page.inner_text('body')
+        page.page.screenshot(path=tmp_path / 'findings.png')
+        page.open_tab('Tree')
+        page.fill('Search', 'LINK_03')
+        page.until(lambda: page.rows().keys() == {'map', 'base_link', LINKS[3]})
+        page.button(LINKS[3])
+        page.until(lambda: page.value('publisher').endswith('(more than one publisher)'))
+        page.button('hide')
+        page.until(lambda: LINKS[3] not in page.scene().names)
+        page.button('show')
+        page.until(lambda: LINKS[3] in page.scene().names)
+        page.fill('Search', '')
+        page.until(lambda: len(page.rows()) == 34)
+        page.button('base_link')
+        page.until(lambda: page.value('parent') == 'map')
+        page.button('base_link')  # folds
+        page.until(lambda: page.rows().keys() == {'map', 'base_link', 'base_lnk', 'laser'})
+
+
+def test_a_view_that_stays_and_is_sent(start, tmp_path):
+    """It is there after a reload and a restart; another browser, and a file, show the same."""
+    start(*ARM)
+
+    def serve(*arguments):
+        view = start(*tool('web_view', *arguments))
+        return view, view.line_with('look at http').split()[-1]
+
+    view, url = serve()
+    with pages() as open_url:  # each page has a storage of its own, as those of two browsers
+        page = open_url(url, 1300, 800)
+        page.scene_with(*FRAMES)
+
+        def set_up():
+            page.choose('Fixed frame', 'joint_1')
+            page.button('joint_2')
+            page.button('hide its branch')
+            page.page.keyboard.press('t')
+            page.open_tab('Display')
+            page.tick('Grid', False)
+
+        def shows(page):
+            names = page.scene().names.keys()  # from the top, one of the two covers the other
+            return names and names <= {'map, base_link', 'joint_1'}
+
+        set_up()
+        page.until(lambda: shows(page))
+        stored = 'Object.values(localStorage).join()'
+        page.until(lambda: (text := page.page.evaluate(stored)) and all(
+            part in text for part in ('"Fixed frame": "joint_1"', '"joint_2"', '"Grid": false',
+                                      '0.1]')))
+        page.page.reload()
+        page.until(lambda: shows(page))
+        view.end_normally()
+        view, _ = serve('--port', url.rpartition(':')[2])
+        page.until(lambda: shows(page), pause=lambda: page.page.wait_for_timeout(200))
+        page.open_tab('Display')
+        page.button('Copy view')
+        page.until(lambda: page.page.locator('[data-text="view"]').count())
+        text = page.page.inner_text('[data-text="view"]')
+        other = open_url(url, 1300, 800)
+        other.scene_with(*FRAMES)
+        other.open_tab('Display')
+        other.fill('Paste view', text)
+        other.until(lambda: shows(other))
+        page.page.screenshot(path=tmp_path / 'view.png')
+        page.button('Reset view')
+        page.scene_with('end_effector')
+        (tmp_path / 'view.json').write_text(text)
+        _, url = serve('--view', str(tmp_path / 'view.json'))
+        third = open_url(url, 1300, 800)
+        third.until(lambda: shows(third))
+        page.faults.clear()  # the connection that was lost
+
+
+def test_the_keys_and_the_bar_of_a_bag(start, tmp_path):
+    """They pause, step and go to a finding; the bag waits for the first viewer."""
+    bags = pytest.importorskip('bags')
+    walk = [message for message in bags.walk(20) if not 105.5 < message[1] / bags.S < 108.5]
+    bag = bags.make(tmp_path / 'walk', 'mcap', walk)
+    view = start(*tool('web_view', '--bag', str(bag)))
+    url = view.line_with('look at http').split()[-1]
+    time.sleep(2.0)
+    with pages() as open_url:
+        page = open_url(url, 1300, 800)
+        position = '[data-text="time"]'
+        page.until(lambda: page.page.inner_text(position))
+        assert float(page.page.inner_text(position).split()[0]) < 15.0
+        page.page.keyboard.press('p')
+        page.until(lambda: page.page.get_by_role('button', name='play', exact=True).count())
+        page.open_tab('Findings')
+        page.button('gap: base_link')
+        page.until(lambda: page.page.inner_text(position) == '+5.4 s, 105.400000000')
+        for key, stamp in ('n', '108.500000000'), ('b', '105.400000000'), ('b', '105.300000000'):
+            page.page.keyboard.press(key)
+            page.until(lambda: page.page.inner_text(position).endswith(stamp))  # noqa: B023
+        page.button('step')
+        page.page.screenshot(path=tmp_path / 'bar.png')
+
+
+def test_a_pair_in_a_browser(start, tmp_path):
+    """It is measured by buttons and by Shift and a click; a line connects the frames."""
     start(*ARM)
     view = start(*tool('web_view'))
     with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], 1000, 700)
-        for width, height, frames, joint_1, new in (
-                (1000, 700, 6, 'joint_1', 'camera'), (390, 800, 7, 'joint_1, camera', 'lamp')):
-            page.page.set_viewport_size({'width': width, 'height': height})
+        page = open_url(view.line_with('look at http').split()[-1], 1300, 800)
+        page.scene_with(*FRAMES)
+        page.open_tab('Pair')
+        page.button('joint_2')
+        page.until(lambda: page.value('parent') == 'joint_1')
+        page.button('selected as A')
+        page.button('map')
+        page.until(lambda: 'is a root' in page.page.inner_text('[data-text="details"]'))
+        page.button('selected as B')
+        page.until(lambda: 'distance' in page.page.inner_text('[data-text="pair"]'))
+        page.until(lambda: len(page.scene().pair) == 1)
+        page.button('swap')
+        page.until(lambda: page.page.get_by_role(
+            'combobox', name='A', exact=True).input_value() == 'map')
+        page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
+        page.tick('Pause', True)
+        page.until(lambda: page.scene_with('end_effector').is_together())
+        page.page.keyboard.down('Shift')
+        scene = page.scene()
+        hand = scene.index('end_effector')
+        page.click((scene.begins[2, hand] + scene.ends[2, hand]) / 2)
+        page.page.keyboard.up('Shift')
+        page.until(lambda: page.page.get_by_role(
+            'combobox', name='B', exact=True).input_value() == 'end_effector')
+        page.page.screenshot(path=tmp_path / 'pair.png')
+
+
+def test_everybody_can_use_the_page(start):
+    """By axe, no tab has a serious fault, be it light or dark; the keyboard reaches a row."""
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright').Axe()
+    start(*ARM)
+    view = start(*tool('web_view'))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1], 1300, 800)
+        page.scene_with(*FRAMES)
+        for is_dark, tabs in (
+                (False, ('Findings', 'Tree', 'Pair', 'By hand', 'Robot', 'Frame')),
+                (True, ('Tree', 'Robot'))):
             page.open_tab('Display')
-            page.tick('Axes', True)
-            page.scene_with('end_effector')
-            page.open_tab('Tree')
-            count = f'{frames} of {frames} frames'
-            page.until(lambda: count in page.page.inner_text('[data-text="tree"]'))  # noqa: B023
-            page.button('joint_2')
-            selected = page.page.get_by_role('button').filter(has_text='◀')
-            page.until(lambda: selected.filter(has_text='joint_2').count())  # noqa: B023
-            page.tick('Show its branch', False)
-            page.until(lambda: page.scene().names.keys() == {'map, base_link', joint_1})  # noqa: B023
-            page.tick('Show its branch', True)
-            page.fill('Exclude', '^joint|camera')
-            page.until(lambda: page.scene().names.keys() == {'map, base_link', 'end_effector'})
-            page.fill('Exclude', '')
-            page.open_tab('Display')
-            page.tick('Axes', False)
-            page.until(lambda: not page.scene().lengths.any())
-            page.open_tab('Pair')
-            page.choose('A', 'joint_2')
-            page.choose('B', 'joint_3')
-            page.until(lambda: page.page.locator('[data-text="pair"]').count())
-            page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
-            page.page.screenshot(path=tmp_path / f'web_view_{width}.png')
-            page.open_tab('By hand')
-            # The page unticks the box when the name changes: on a slow machine, after a while.
-            page.tick('Publish', False)
-            page.fill('New frame', new)
-            page.until(lambda: f'id {new}' in command(page))  # noqa: B023
-            page.choose('Parent', 'joint_1')
-            page.until(lambda: 'frame-id joint_1' in command(page))
-            page.tick('Publish', True)
-            ros.until(lambda: new in listening.frame_names())  # noqa: B023
-            page.open_tab('Frame')
-            page.choose('Frame', new)
-            page.until(lambda: page.value('publisher') == '/web_view')
-            move_the_arm(page, ros, listening)
+            page.tick('Dark', is_dark)
+            for tab in 'Display', *tabs:
+                page.open_tab(tab)
+                page.page.wait_for_timeout(500)
+                faults = [(each['id'], [node['html'] for node in each['nodes']])
+                          for each in axe.run(page.page).response['violations']
+                          if each['impact'] in ('serious', 'critical')]
+                assert not faults
+        row = page.page.get_by_role('button', name='▾ joint_2', exact=False).first
+        row.focus()
+        page.page.keyboard.press('Enter')
+        page.until(lambda: page.value('parent') == 'joint_1')
+
+
+def test_the_page_on_a_narrow_screen(ros, listening, start, tmp_path):
+    """The panels are sections at the foot; a frame is placed by hand, and joints are moved."""
+    start(*ARM)
+    view = start(*tool('web_view'))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1], 390, 800)
+        page.scene_with('end_effector')
+        page.open_tab('By hand')
+        page.fill('New frame', 'camera')
+        page.until(lambda: 'id camera' in command(page))
+        page.choose('Parent', 'joint_1')
+        page.until(lambda: 'frame-id joint_1' in command(page))
+        page.tick('Publish', True)
+        ros.until(lambda: 'camera' in listening.frame_names())
+        page.open_tab('Frame')
+        page.choose('Frame', 'camera')
+        page.until(lambda: page.value('publisher') == '/web_view')
+        move_the_arm(page, ros, listening)
+        page.page.get_by_role('button', name='Expand panel Tree').click()
+        page.button('joint_2')
+        page.until(lambda: page.value('parent') == 'joint_1')
+        page.page.screenshot(path=tmp_path / 'web_view_390.png')
 
 
 def command(page):

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+import re
 import shutil
 import time
 from typing import Any, TYPE_CHECKING
@@ -65,7 +66,8 @@ _SCENE = """() => new Promise(resolve => {
         const lines = isShown('/world/lines') ? segments('/world/lines') : [];
         const trail = Object.keys(tree).filter(key => key.startsWith('/world/trail/')
             && isShown(key)).sort((a, b) => a.split('/')[3] - b.split('/')[3]).flatMap(segments);
-        return {names, axes, length, lines, bodies, trail};
+        const pair = isShown('/world/pair') ? segments('/world/pair') : [];
+        return {names, axes, length, lines, pair, bodies, trail};
     }
 })"""
 
@@ -99,6 +101,8 @@ class Scene:
         self.lengths = np.linalg.norm(2 * along[0], axis=1)
         #: (k, 2, 3): the lines from frames to their parents (m).
         self.lines = np.array(drawn['lines']).reshape(-1, 2, 3)
+        #: (0 or 1, 2, 3): the line of the pair (m).
+        self.pair = np.array(drawn['pair']).reshape(-1, 2, 3)
         #: (m, 2, 3): the segments of the trail (m).
         self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)
 
@@ -201,8 +205,15 @@ class BrowserPage:
         self.page.get_by_role('tab', name=name, exact=True).click()
 
     def button(self, text: str) -> None:
-        """Press the button whose text contains a text."""
-        self.page.get_by_role('button').filter(has_text=text).first.click()
+        """Press the button with a text, or the first one whose text has it as a word."""
+        exact = self.page.get_by_role('button', name=text, exact=True)
+        word = self.page.get_by_role('button').filter(has_text=re.compile(rf'\b{text}\b'))
+        (exact if exact.count() else word).first.click()
+
+    def rows(self) -> dict[str, str]:
+        """Return the rows of the tree: the text of each, by the name of its frame."""
+        texts = self.page.get_by_role('button').all_text_contents()
+        return {text.strip(' ▾▸').split()[0]: text for text in texts if text[:1] in (*' ▾▸',)}
 
     def tick(self, label: str, is_on: bool) -> None:
         """Check or uncheck a checkbox."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import suppress
 import re
 import time
-from typing import Any
+from typing import Any, Optional
 
 import numpy as np
 from processes import TIMEOUT
@@ -20,9 +20,11 @@ connect = pytest.importorskip('websockets.sync.client').connect
 CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1.0, 0.0, 0.0, 0.0], 'position': [1, 2, 3],
           'fov': 0.8, 'near': 0.01, 'far': 1000, 'image_height': 6000, 'image_width': 8000,
           'look_at': [0, 0.0, 0], 'up_direction': [0.0, 0.0, 1.0]}
-CLICK = {'type': 'SceneNodeClickMessage', 'name': '/world/frames', 'instance_index': 1,
+CLICK = {'type': 'SceneNodeClickMessage', 'name': '/world/frames', 'instance_index': None,
          'ray_origin': [0.0, 0.0, 1.0], 'ray_direction': [0, 0, 1], 'screen_pos': [0.5, 0.5],
          'modifier': None, 'owner': ''}
+POINTER = {'type': 'ScenePointerMessage', 'event_type': 'click', 'ray_origin': [0.0, 0.0, 1.0],
+           'ray_direction': [0, 0, 1], 'screen_pos': [[0.5, 0.5]], 'modifier': None}
 
 
 def update(uuid: str, /, **updates: object) -> dict[str, object]:
@@ -39,12 +41,15 @@ class Viewer:
             f'ws://{host}:{port}', subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None, compression=None, close_timeout=1.0)
         self.size = 0  #: the number of bytes that were received
-        self.send({**CAMERA, **camera})
+        self.camera = {**CAMERA, **camera}
+        self.send(self.camera)
         #: The properties of each control and text by its uuid, and of each node by its name.
         self.gui: dict[str, dict[str, Any]] = {}
         self.nodes: dict[str, dict[str, Any]] = {}
         #: By type: the last message of those that are neither of the panel nor of the scene.
         self.last: dict[str, dict[str, Any]] = {}
+        self.storage: dict[str, str] = {}  #: what the browser has stored
+        self.blocked: Optional[str] = None  #: why it stores nothing
 
     def send(self, message: object) -> None:
         """Send bytes, a text or a message."""
@@ -71,8 +76,12 @@ class Viewer:
 
         for message in content['messages']:
             if message['type'] == 'LocalStorageGetItemRequestMessage':
-                self.send({'type': 'LocalStorageGetItemResponseMessage', 'value': None,
-                           'error': None, 'request_uuid': message['request_uuid']})
+                self.send({'type': 'LocalStorageGetItemResponseMessage',
+                           'value': self.storage.get(message['key']), 'error': self.blocked,
+                           'request_uuid': message['request_uuid']})
+                continue
+            if message['type'] == 'LocalStorageSetItemMessage':
+                self.storage[message['key']] = message['value']
                 continue
             if message['type'] == 'GuiRemoveMessage':
                 self.gui.pop(message['uuid'], None)
@@ -104,7 +113,23 @@ class Viewer:
 
     def uuid(self, label: str) -> str:
         """Return the uuid of a control."""
-        return next(uuid for uuid, props in self.gui.items() if props.get('label') == label)
+        return next(uuid for uuid, props in self.gui.items()
+                    if props.get('label') == label and 'hotkey' not in props)
+
+    def press(self, key: str) -> None:
+        """Press a key of a command."""
+        self.send({'type': 'CommandTriggerMessage', 'uuid': next(
+            uuid for uuid, props in self.gui.items() if props.get('hotkey') == key)})
+
+    def click(self, point: Any, modifier: Any = None) -> None:
+        """Click a point of the scene: x, y, z (m)."""
+        camera: Any = self.camera
+        x, y, z = viser.transforms.SO3(np.array(camera['wxyz'])).inverse().apply(
+            np.subtract(point, camera['position'])).tolist()
+        focal = camera['image_height'] / 2 / np.tan(camera['fov'] / 2) / z
+        place = [float(0.5 + focal * x / camera['image_width']),
+                 float(0.5 + focal * y / camera['image_height'])]
+        self.send({**POINTER, 'screen_pos': [place], 'modifier': modifier})
 
     def value(self, label: str) -> Any:
         """Return the value of a control."""
@@ -167,18 +192,22 @@ def recorded(page):
 class Page:
     """The page of a feed, a viewer of it, and the clock of both."""
 
-    def __init__(self, feed, clock, stack, meshes=()):
-        """Serve and update the page, and connect the viewer; `clock[0]`: the time (s)."""
+    def __init__(self, feed, clock, stack, meshes=(), view='', storage=()):
+        """
+        Serve and update the page, and connect the viewer; `clock[0]`: the time (s).
+
+        :param storage: what the browser has stored.
+        """
         from puretf_tools.view.server import serve
         from puretf_tools.view.view import View
         self.feed, self.clock = feed, clock
         self.server = stack.enter_context(serve('127.0.0.1'))
-        self.view = View(feed, self.server, lambda: clock[0], meshes)
+        self.view = View(feed, self.server, lambda: clock[0], meshes, view)
         self.view.update()
         self.viewer = Viewer(self.server.get_port())
+        self.viewer.storage.update(storage)
         stack.callback(self.viewer.close)
-        self.until(lambda: any(  # the last control of the panel
-            props.get('label') == 'Publish' for props in self.viewer.gui.values()))
+        self.until(lambda: self.viewer.text('tree'))  # the first update
 
     def update(self):
         """
@@ -187,7 +216,7 @@ class Page:
         Before, the viewer handles the last update.
         """
         for _ in range(20):
-            if all(viewer.is_due(np.inf) for viewer in self.view.viewers.values()):
+            if all(viewer.is_due for viewer in self.view.viewers.values()):
                 break
             with suppress(TimeoutError):
                 self.viewer.receive(0.01)
@@ -210,7 +239,7 @@ class Page:
         self.viewer.last.clear()
         self.viewer.set(label, value)
         self.viewer.send(CAMERA)
-        self.viewer.set('Focus on all frames', True)
+        self.viewer.set('View', 'all')
         self.viewer.until(lambda: 'SetCameraLookAtMessage' in self.viewer.last)
 
     def until(self, condition):

@@ -14,6 +14,7 @@ pytest.importorskip('viser', reason='viser, which makes the page, is not install
 
 from viewer import Viewer
 
+from puretf_tools.view.controls import Settings
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.server import serve
@@ -29,7 +30,9 @@ class Shown:
     def __init__(self, server, buffer):
         """Connect a viewer."""
         self.now = 1000.0
-        self.pair = Pair(server.gui, buffer, Feed().time_text)
+        feed = Feed()
+        feed.buffer = buffer
+        self.pair = Pair(server.gui, Settings(), feed)
         self.viewer = Viewer(server.get_port())
         self.viewer.until(lambda: len(self.plots()) == 2)
 
@@ -58,7 +61,8 @@ class Shown:
 
     def rows(self):
         """Return the cells in each row of the table, after the one with the label."""
-        return [re.findall('<td[^>]*>([^<]*)', row)[1:] for row in self.text().split('<tr>')[1:]]
+        table = self.text().partition('</table>')[0]
+        return [re.findall('<td[^>]*>([^<]*)', row)[1:] for row in table.split('<tr>')[1:]]
 
     def translation(self):
         """Return x, y, z (m) in the table; [] if there is none."""
@@ -73,14 +77,8 @@ class Shown:
         return np.array([plot['data'] for plot in self.plots()])
 
     def copied(self):
-        """Press the button; return the lines to copy."""
-        def lines():
-            return [unescape(text) for props in self.viewer.gui.values()
-                    for text in re.findall('<pre[^>]*>([^<]*)</pre>', props.get('content', ''))]
-
-        self.viewer.set('Write as text', True)
-        self.viewer.until(lines)
-        return lines()
+        """Return the lines to copy."""
+        return [*map(unescape, re.findall('<pre[^>]*>([^<]*)</pre>', self.text()))]
 
 
 @pytest.fixture
@@ -122,11 +120,11 @@ def test_the_numbers_of_a_pair(shown, buffer):
     assert shown.rows()[0] == ['1700000000.000000000 s']
     assert shown.translation() == [1.0, 0.0, -0.25]
     assert [[*map(float, row)] for row in shown.rows()[2:]] == [
-        [0.0, 0.0, 0.7071, 0.7071], [0.0, 0.0, 90.0], [0.0, 0.0, 1.5708],
+        [0.0, 0.0, 0.7071, 0.7071], [1.031], [90.0], [0.0, 0.0, 90.0], [0.0, 0.0, 1.5708],
         [0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.25], [0.0, 0.0, 0.0, 1.0]]
     shown.choose('base', 'map')
     shown.viewer.until(lambda: shown.translation() == [0.0, 1.0, 0.25], shown.update)
-    assert shown.rows()[3] == ['0.00', '0.00', '-90.00']
+    assert shown.rows()[5] == ['0.00', '0.00', '-90.00']
 
 
 def test_the_values_of_the_last_20_s(shown, buffer):
@@ -241,7 +239,7 @@ def test_a_pair_that_is_far(shown, buffer, x):
     assert shown.rows()[0] == ['all times']
     shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
     assert not np.isinf(shown.plotted()).any()
-    assert shown.plotted()[1, 3].tolist() == [0.0] * 401
+    assert {*shown.plotted()[1, 3].tolist()} == {0.0}
 
 
 def test_the_same_frame_twice(shown, buffer):

@@ -3,6 +3,7 @@
 from contextlib import ExitStack
 import os
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from puretf import bag, TransformBuffer
 from puretf_tools.cli.signals import check_signals, record_signals, signal_received
 from puretf_tools.commands import web_view
 from puretf_tools.commands.web_view import main, read_into
+from puretf_tools.doctor import Finding
 from puretf_tools.view import feed as feed_module
 from puretf_tools.view.feed import BagFeed
 
 pytest.importorskip('viser')
-from viewer import Page, recorded, update, Viewer
+from viewer import Page, recorded, Viewer
 
 from puretf_tools.view.details import details
 from puretf_tools.view.export import Recording
@@ -51,22 +53,33 @@ class Controls:
         """Take those of a page that is served."""
         self.playback, self.feed, self.viewer, self.clock = playback, feed, viewer, clock
         self.player = feed.player
+        self.client = SimpleNamespace(camera=SimpleNamespace(image_width=1000, image_height=700))
 
     def set(self, label, value):
         """Change a control, and wait until the server has handled this."""
         self.viewer.set(label, value)
-        # The answer to a nonsensical speed comes after the messages before it.
-        uuid = self.viewer.uuid('Speed')
-        speed = self.viewer.gui[uuid]['value']
-        self.viewer.gui[uuid]['value'] = 'awaited'
-        self.viewer.send(update(uuid, value=f'{speed}!'))
-        self.viewer.until(lambda: self.viewer.gui[uuid]['value'] != 'awaited')
+        self.is_handled()
+
+    def is_handled(self):
+        """Wait until what the viewer has sent is handled: the last messages set the loop."""
+        for is_on in not self.player.loops, self.player.loops:
+            self.viewer.set('Play', 'loop: off' if is_on else 'loop: on')
+            self.viewer.until(lambda: self.player.loops == is_on)  # noqa: B023
+
+    def press(self, key):
+        """Press a key, and wait until this is handled."""
+        self.viewer.press(key)
+        self.is_handled()
 
     def after(self, seconds):
         """Update the controls when some time has passed; return the position in the bag (s)."""
         self.clock[0] += seconds
-        assert self.playback.update() == self.player.time
+        assert self.playback.update([self.client]) == self.player.time
         return self.player.position
+
+    def is_paused(self):
+        """Return whether the button plays."""
+        return 'play' in self.viewer.gui[self.viewer.uuid('Play')]['options']
 
 
 @pytest.fixture
@@ -80,57 +93,117 @@ def controls(clock, buffer):
             viewer = Viewer(server.get_port())
             stack.callback(viewer.close)
             viewer.until(lambda: any(
-                props.get('label') == 'Step (s)' for props in viewer.gui.values()))
+                props.get('label') == 'Go to' for props in viewer.gui.values()))
             return Controls(playback, feed, viewer, clock)
 
         yield create
 
 
 def test_speed_pause_time_and_steps(controls):
-    """A viewer changes each of them; a step pauses."""
+    """A viewer changes each of them; a step goes to the next or last transform, and pauses."""
     shown = controls()
     assert shown.after(1.0) == 1.0
     shown.set('Speed', '0.5')
     assert shown.after(1.0) == 1.5
-    shown.set('Pause', True)
+    shown.set('Play', 'pause')
     assert shown.after(1.0) == 1.5
-    shown.set('Time (s)', 3.0)
-    assert shown.after(1.0) == 3.0
-    shown.set('Pause', False)
+    shown.set('Time (s)', 3.02)
+    assert shown.after(1.0) == 3.02
+    shown.set('Play', 'play')
     shown.set('Speed', '10')
-    assert [shown.after(0.2), shown.after(0.1)] == pytest.approx([5.0, 6.0])
-    shown.set('Step (s)', '+0.1')
+    assert [shown.after(0.2), shown.after(0.1)] == pytest.approx([5.02, 6.02])
+    shown.set('Play', 'step')
     assert shown.after(0.0) == pytest.approx(6.1)
     assert shown.after(1.0) == pytest.approx(6.1)
-    shown.viewer.until(lambda: shown.viewer.value('Pause'))
+    shown.viewer.until(shown.is_paused)
     for _ in range(2):
-        shown.set('Step (s)', '-0.01')
-    assert shown.after(0.0) == pytest.approx(6.08)
-    shown.viewer.until(lambda: shown.viewer.value('Time (s)') == 6.08)
+        shown.set('Play', 'step back')
+    assert shown.after(0.0) == pytest.approx(5.9)
+    shown.viewer.until(lambda: shown.viewer.value('Time (s)') == 5.9)
 
 
-def test_each_finding_jumps_to_its_time(controls):
-    """They appear when the bag is examined; those without a time in the bag are texts."""
+def test_a_bag_that_is_played_once(controls):
+    """Without the loop, it ends; a step beyond the end goes nowhere."""
+    shown = controls()
+    shown.viewer.set('Play', 'loop: on')
+    shown.viewer.until(lambda: not shown.player.loops, lambda: shown.after(0.0))
+    assert [shown.after(12.0), shown.after(1.0)] == [10.0, 10.0]
+    shown.set('Play', 'step')
+    assert shown.after(1.0) == 10.0
+
+
+def test_the_keys_of_a_bag(controls):
+    """P pauses and plays on, B and N step."""
+    shown = controls()
+    shown.after(1.02)
+    for key, position in ('P', 1.02), ('N', 1.1), ('B', 1.0), ('P', 2.0):
+        shown.press(key)
+        assert shown.after(1.0) == pytest.approx(position)
+
+
+def test_a_bag_waits_for_a_viewer(clock, buffer):
+    """It starts when the first one comes."""
+    with serve('127.0.0.1') as server:
+        feed = BagFeed(buffer, 'bag')
+        playback = Playback(server.gui, feed)
+        clock[0] += 3.0
+        assert playback.update([]) == T
+        clock[0] += 1.0
+        assert playback.update([SimpleNamespace(camera=None)]) == T + S
+
+
+def test_the_bar_is_as_wide_as_the_narrowest_scene(controls):
+    """And it moves when this changes."""
     shown = controls()
     shown.after(0.0)
-    shown.feed.findings = [('2 <errors>', 0), ('error a', T + 3 * S), ('error far', T + 99 * S),
-                           *((f'warning {i}', T + 7 * S) for i in range(20))]
-    shown.after(0.0)
     viewer = shown.viewer
-    viewer.until(lambda: any('and 3 more' in props.get('content', '')
-                             for props in viewer.gui.values()))
-    labels = [props.get('label', '') for props in viewer.gui.values()]
-    assert '+3.00 s: error a' in labels
-    assert sum(': warning' in label for label in labels) == 17
-    texts = ''.join(props.get('content', '') for props in viewer.gui.values())
-    assert '2 &lt;errors&gt;' in texts
-    assert 'error far' in texts
-    for _ in range(2):
-        shown.set('+7.00 s: warning 3', True)
-        assert [shown.after(1.0), shown.after(1.0)] == [7.0, 7.0]
-        shown.set('+3.00 s: error a', True)
-        assert [shown.after(1.0), shown.after(1.0)] == [3.0, 3.0]
-    viewer.until(lambda: viewer.value('Pause'))
+    viewer.until(lambda: any(props.get('width') == 970.0 for props in viewer.gui.values()))
+    shown.client.camera.image_width = 600
+    shown.after(0.0)
+    viewer.until(lambda: any(props.get('width') == 570.0 for props in viewer.gui.values()))
+
+
+def finding(code, time=0, frames=('base',), severity='warning'):
+    """Return a finding."""
+    return Finding(code, severity, frames, (), (), f'evidence <of> {code}', f'Mend {code}.',
+                   'Other faults', time)
+
+
+def test_the_findings_of_a_bag(clock, buffer):
+    """Each is in the list and in the rows of its frames; a click goes to its time, and pauses."""
+    buffer.insert(T, 'map', 'other', (0.0,) * 6 + (1.0,), is_static=True)
+    with ExitStack() as stack:
+        feed = BagFeed(buffer, 'bag')
+        shown = Page(feed, clock, stack)
+        viewer = shown.viewer
+        shown.until(lambda: viewer.text('tree'))
+        feed.verdict = '2 <warnings>'
+        feed.findings = [finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other',)), *(
+            finding(f'late_{i}', T + 7 * S) for i in range(20))]
+        shown.until(lambda: '2 &lt;warnings&gt; (the first 20' in viewer.text('verdict'))
+
+        def labels():
+            return [props.get('label') or '' for props in viewer.gui.values()
+                    if props.get('visible')]
+
+        shown.until(lambda: '+3.00 s: gap: base' in labels())
+        assert 'typo: other' in labels()
+        assert sum('+7.00 s: late_' in label for label in labels()) == 18
+        texts = ''.join(props.get('content', '') for props in viewer.gui.values())
+        assert 'evidence &lt;of&gt; gap. Mend gap.' in texts
+        shown.until(lambda: [mark['value'] for mark in viewer.gui[viewer.uuid('Time (s)')][
+            '_marks'] or ()] == [3.0, 7.0])
+        shown.until(lambda: any('⚠ gap' in label for label in labels()))
+        assert any('other' in label and '⚠ typo' in label for label in labels())
+        shown.step()
+        viewer.set('typo: other', True)
+        shown.until(lambda: viewer.value('Frame') == 'other')
+        shown.step()
+        viewer.set('+3.00 s: gap: base', True)
+        shown.until(lambda: viewer.value('Time (s)') == 3.0 and viewer.value('Frame') == 'base')
+        clock[0] += 1.0
+        shown.until(lambda: 'play' in viewer.gui[viewer.uuid('Play')]['options'])
+        assert feed.player.position == 3.0
 
 
 def test_a_bag_that_is_still_read(controls, buffer):
@@ -192,7 +265,7 @@ def test_a_time_that_is_typed(controls, text, position):
     viewer = shown.viewer
     stamp = f'{T // S + int(position)}.{position % 1:.9f}'.replace('.0.', '.')
     viewer.until(lambda: f'>+{position:g} s, {stamp}<' in viewer.text('time'))
-    viewer.until(lambda: viewer.value('Pause'))
+    viewer.until(shown.is_paused)
 
 
 @pytest.mark.parametrize(('text', 'problem'), [
@@ -232,7 +305,8 @@ def lonely(tmp_path):
 
 def test_findings_about_a_robot(lonely):
     """Those of `tf_doctor`, from the descriptions in the bag."""
-    assert any('link_without_transform: lonely' in line for line, _ in lonely().findings)
+    assert ('link_without_transform', ('lonely',)) in [
+        (each.code, each.frames) for each in lonely().findings]
 
 
 @pytest.mark.parametrize(('namespace', 'expected'), [('left', {'/left'}), ('', {'', '/left'})])
@@ -245,20 +319,18 @@ def test_robots_of_a_namespace(lonely, namespace, expected):
 def test_a_bag_that_cannot_be_examined(lonely, monkeypatch):
     """The reason is a line of the findings."""
     monkeypatch.setattr(web_view, 'examine', lambda _: 1 / 0)
-    assert lonely().findings == [('tf_doctor cannot examine the bag: division by zero', 0)]
+    assert lonely().verdict == 'tf_doctor cannot examine the bag: division by zero'
 
 
 def test_nonsense_from_a_viewer(controls):
     """Wrong numbers are clamped, and what is not offered changes nothing."""
     shown = controls()
-    shown.set('Pause', True)
+    shown.set('Play', 'pause')
     for value, position in (99.0, 10.0), (-1.0, 0.0), (4.0, 4.0), (float('nan'), 0.0), (1e300, 10):
         shown.set('Time (s)', value)
         assert shown.after(1.0) == position
-    shown.set('Step (s)', '-1e9')
     shown.set('Speed', '1e9')
     assert (shown.after(1.0), shown.player.speed) == (10.0, 1.0)
-    assert shown.viewer.value('Speed') == '1'
 
 
 def driven(seconds):

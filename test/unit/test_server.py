@@ -10,7 +10,7 @@ import warnings
 
 from environment import ROOT
 import pytest
-from viewer import CAMERA, CLICK, update, Viewer, viser
+from viewer import CAMERA, CLICK, POINTER, update, Viewer, viser
 
 from puretf import TransformBuffer
 from puretf_tools.cli.parser import CommandError
@@ -180,7 +180,7 @@ def page():
 def connected(page):
     """Connect a viewer, and wait until it has received the controls of the page."""
     with closing(Viewer(page.port)) as viewer:
-        labels = 'Axis length (m)', 'Fixed frame', 'Focus on all frames', 'Frame', 'Pause'
+        labels = 'Axis length (m)', 'Fixed frame', 'View', 'Frame', 'Play'
         viewer.until(lambda: {*labels} <= {props.get('label') for props in viewer.gui.values()},
                      page.update)
         viewer.last.clear()
@@ -195,13 +195,15 @@ def viewer(page):
 
 
 def test_the_messages_of_the_page_have_effect(viewer):
-    """The connection stays open; a click may be on a frame that is gone, or on the scene."""
+    """The connection stays open; a click may be on nothing that is there."""
     viewer.send(CAMERA)
-    for index in 0, -1, 2**40, None, 0.5:
-        viewer.send({**CLICK, 'instance_index': index})
+    for place in [0.5, 0.5], [-1.0, 2**40], [float('nan'), 0.5]:
+        viewer.send({**CLICK, 'screen_pos': place})
+        viewer.send({**POINTER, 'screen_pos': [place]})
+    viewer.press('F')
     viewer.set('Axis length (m)', 1)
     viewer.set('Frame', 'base')
-    viewer.set('Focus on all frames', True)
+    viewer.set('View', 'all')
     viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'))
 
 
@@ -232,7 +234,7 @@ def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
         with pytest.raises(ConnectionClosed):
             bad.until(lambda: False)
     viewer.send(CAMERA)
-    viewer.set('Focus on all frames', True)
+    viewer.set('View', 'all')
     viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'))
     assert capfd.readouterr() == ('', '')
 

@@ -1,7 +1,10 @@
 """What web_view shows: placements, axes, trails, texts, and the page as a viewer gets it."""
 
 from contextlib import ExitStack
+from html import unescape
 from itertools import pairwise
+import json
+import re
 
 import numpy as np
 import pytest
@@ -509,7 +512,7 @@ def page(clock):
     pytest.importorskip('viser')
     from viewer import Page
     with ExitStack() as stack:
-        yield lambda feed: Page(feed, clock, stack)
+        yield lambda feed, **options: Page(feed, clock, stack, **options)
 
 
 def live(buffer):
@@ -591,11 +594,14 @@ def test_trees_that_change(page):
     shown.until(lambda: not viewer.names())
 
 
+COLOURS = {(30, 115, 55): 'green', (133, 100, 0): 'yellow', (176, 72, 0): 'orange',
+           (95, 100, 105): 'grey', (28, 100, 190): 'blue', (60, 60, 65): 'dark'}
+
+
 def rows(viewer):
     """Return the rows of the tree: the text of each, and its colour."""
-    return {props['label'].replace('\u00a0', ' ').rstrip(): props['color']
-            for props in viewer.gui.values() if 'color' in props and props['visible']
-            and '\u00a0' in props['label']}
+    return {props['label']: COLOURS[(*props['color'],)] for props in viewer.gui.values()
+            if props.get('color') and props['visible']}
 
 
 def shown_frames(viewer, placement):
@@ -604,76 +610,124 @@ def shown_frames(viewer, placement):
         placement.names, viewer.axes('scales')) if scale > 0.0}
 
 
-def test_the_tree(page, clock):
-    """It has a row for each frame, selects, filters and hides frames and branches."""
+def click_row(viewer, name):
+    """Click the row of a frame."""
+    viewer.send({'type': 'GuiUpdateMessage', 'uuid': next(
+        uuid for uuid, props in viewer.gui.items() if props.get('color') and props['visible']
+        and name in props['label'].split()), 'updates': {'value': True}})
+
+
+def bar(shown, action, name):
+    """Press a button of the bar, when it is for a frame."""
+    def found():
+        return [uuid for uuid, props in shown.viewer.gui.items()
+                if action in props.get('options', ()) and props['label'] == name]
+
+    shown.until(found)
+    shown.viewer.send({'type': 'GuiUpdateMessage', 'uuid': found()[0],
+                       'updates': {'value': action}})
+
+
+def look(shown):
+    """Let the viewer look along z, from 5 m below the scene; x points right, y down."""
+    shown.viewer.camera.update(position=[1.0, 0.0, -5.0], look_at=[1.0, 0.0, 0.0],
+                               image_width=1600, image_height=1200)
+    shown.viewer.send(shown.viewer.camera)
+    shown.step()
+
+
+@pytest.fixture
+def tree(page):
+    """A page with a tree of five frames, and their placement."""
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'odom', pose(1.0), is_static=True)
     for i in range(11):
         arm(buffer, T + i * S // 10, 'odom', 'base', 'hand')
         arm(buffer, T + i * S // 10, 'map', 'other')
     shown = page(live(buffer))
-    viewer, watcher = shown.viewer, FrameWatcher(buffer)
-    placement = watcher.placement()
-    shown.until(lambda: rows(viewer) == {
-        'map': 'blue', '   odom  static': 'blue', '      base  10.0 Hz': 'green',
-        '         hand  10.0 Hz ◀': 'green', '   other  10.0 Hz': 'green'})
-    viewer.send({'type': 'GuiUpdateMessage', 'uuid': next(
-        uuid for uuid, props in viewer.gui.items()
-        if 'odom' in props.get('label', '') and 'static' in props['label']),
-        'updates': {'value': True}})
+    shown.until(lambda: len(rows(shown.viewer)) == 5)
+    return shown, FrameWatcher(buffer).placement()
+
+
+def test_the_tree(tree, clock):
+    """It has a row for each frame, with its rate and the colour of its age."""
+    shown, _ = tree
+    assert rows(shown.viewer) == {
+        '▾ map  ': 'blue', '  ▾ odom  static': 'blue', '    ▾ base  10.0 Hz': 'green',
+        '        hand  10.0 Hz ◀': 'green', '    other  10.0 Hz': 'green'}
+    clock[0] += 7.0
+    shown.until(lambda: {colour for text, colour in rows(shown.viewer).items() if 'Hz' in text}
+                == {'orange'})
+
+
+def test_rows_fold(tree):
+    """A click selects, a second one folds; what is clicked in the scene is unfolded."""
+    shown, _ = tree
+    viewer = shown.viewer
+    click_row(viewer, 'odom')
     shown.until(lambda: viewer.value('Frame') == 'odom')
-    shown.set('Show its branch', False)
+    assert len(rows(viewer)) == 5
+    shown.step()
+    click_row(viewer, 'odom')
+    shown.until(lambda: rows(viewer).keys() == {
+        '▾ map  ', '  ▸ odom  static ◀', '    other  10.0 Hz'})
+    look(shown)
+    viewer.click(viewer.names()['hand'])
+    shown.until(lambda: '        hand  10.0 Hz ◀' in rows(viewer))
+
+
+def test_the_search(tree):
+    """It leaves the rows with a text in their names, and those above them."""
+    shown, _ = tree
+    shown.set('Search', 'BaS')
+    shown.until(lambda: [text.split()[1] for text in rows(shown.viewer)] == [
+        'map', 'odom', 'base'])
+    assert '3 of 5 frames' in shown.viewer.text('tree')
+    shown.set('Search', 'x')
+    shown.until(lambda: not rows(shown.viewer))
+
+
+def test_frames_are_hidden(tree):
+    """By the bar, alone or with their branches, or by filters; their bodies are not."""
+    shown, placement = tree
+    viewer = shown.viewer
+    click_row(viewer, 'odom')
+    shown.until(lambda: viewer.value('Frame') == 'odom')
+    shown.step()
+    bar(shown, 'hide its branch', 'odom')
     shown.until(lambda: shown_frames(viewer, placement) == {'map', 'other'})
     assert not {'odom', 'base', 'hand'} & viewer.names().keys()
     shown.until(lambda: {colour for text, colour in rows(viewer).items() if 'base' in text} == {
         'dark'})
-    shown.set('Frame', 'hand')
-    shown.until(lambda: 'Selected: hand, hidden with the branch of odom' in viewer.text('tree'))
-    shown.set('Frame', 'odom')
-    shown.until(lambda: 'Selected: odom' in viewer.text('tree'))
-    shown.set('Show its branch', True)
-    shown.set('Show the frame', False)
+    bar(shown, 'show its branch', 'odom')
+    bar(shown, 'hide', 'odom')
     shown.until(lambda: shown_frames(viewer, placement) == {'map', 'base', 'hand', 'other'})
-    shown.set('Show the frame', True)
+    shown.step()
+    bar(shown, 'show', 'odom')
     shown.set('Include', 'a')
     shown.set('Exclude', '^hand$')
     shown.until(lambda: shown_frames(viewer, placement) == {'map', 'base'})
-    shown.until(lambda: '2 of 5 frames. Selected: odom, hidden by the filters'
-                in viewer.text('tree'))
+    assert len(rows(viewer)) == 5
     shown.set('Exclude', '(')
-    shown.until(lambda: 'Exclude: not a regular expression' in viewer.text('tree'))
+    shown.until(lambda: 'Exclude: not a regular expression' in viewer.text('filter'))
     shown.set('Exclude', 'a' * 201)
-    shown.until(lambda: 'Exclude: more than 200 characters' in viewer.text('tree'))
+    shown.until(lambda: 'Exclude: more than 200 characters' in viewer.text('filter'))
     shown.set('Exclude', '')
     shown.set('Include', '')
     shown.until(lambda: len(shown_frames(viewer, placement)) == 5)
-    clock[0] += 7.0
-    shown.until(lambda: {colour for text, colour in rows(viewer).items() if 'Hz' in text} == {
-        'orange'})
 
 
 def test_a_tree_of_many_frames(page):
-    """It has pages of 50 rows."""
-    from viewer import CLICK
+    """It has at most 200 rows, and says so."""
     buffer = TransformBuffer()
-    for i in range(120):
+    for i in range(210):
         buffer.insert(T, 'map', f'post_{i:03}', pose(i), is_static=True)
     shown = page(live(buffer))
     viewer = shown.viewer
-    shown.until(lambda: '121 of 121 frames, page 1 of 3' in viewer.text('tree'))
-    shown.until(lambda: len(rows(viewer)) == 50)
-    for number in 2, 3, 3:
-        viewer.set('Page', 'next')
-        shown.until(lambda: f'page {number} of 3' in viewer.text('tree'))  # noqa: B023
-    shown.until(lambda: len(rows(viewer)) == 21 and any('post_119' in row for row in rows(viewer)))
-    viewer.set('Page', 'previous')
-    shown.until(lambda: 'page 2 of 3' in viewer.text('tree'))
-    # A click on one of the last frames in the scene turns to the page with its row.
-    index = FrameWatcher(buffer).placement().names.index('post_119')
-    viewer.send({**CLICK, 'owner': viewer.nodes['/world/frames']['owner'],
-                 'instance_index': index})
-    shown.until(lambda: any('post_11' in row and '◀' in row for row in rows(viewer)))
-    assert 'page 3 of 3' in viewer.text('tree')
+    shown.until(lambda: '211 of 211 frames; 11 more have no row: search' in viewer.text('tree'))
+    shown.until(lambda: len(rows(viewer)) == 200)
+    shown.set('Search', 'post_209')
+    shown.until(lambda: len(rows(viewer)) == 2)
 
 
 def test_what_is_displayed(page, clock):
@@ -692,11 +746,11 @@ def test_what_is_displayed(page, clock):
     shown.set('Show names', False)
     shown.until(lambda: not viewer.names())
     shown.set('Show names', True)
-    before = np.abs(viewer.nodes['/world/grid']['points']).max()
-    shown.set('Cell of the grid (m)', 2.0)
-    shown.until(lambda: np.abs(viewer.nodes['/world/grid']['points']).max() == 4 * before)
-    viewer.set('View', 'top')
-    shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 4.0)
+    shown.set('Grid', False)
+    shown.until(lambda: '/world/grid' not in viewer.nodes)
+    viewer.set('View', 'top')  # from far, with a narrow angle
+    shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 30.0)
+    assert viewer.last['SetCameraFovMessage']['fov'] == 0.1
     shown.set('Dark', True)
     shown.until(lambda: viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
     clock[0] += 6.0
@@ -718,19 +772,19 @@ def test_the_camera_moves_to_frames(page):
         distance = np.linalg.norm(np.subtract(position, target)) if target and position else 0.0
         return target or [0.0] * 3, distance
 
-    shown.viewer.set('Focus on all frames', True)
+    shown.viewer.set('View', 'all')
     shown.until(lambda: camera()[1] > 6.0 and 1.4 < camera()[0][0] < 3.0)
     shown.set('Frame', 'tip')
     shown.update()
-    shown.viewer.set('Focus on the frame', True)
+    shown.viewer.press('F')
     shown.until(lambda: camera()[0][0] > 3.0 and 2.0 < camera()[1] < 2.5)
     height = camera()[0][2]
     shown.set('Exclude', 'hand|tip')
     shown.update()
-    shown.viewer.set('Focus on all frames', True)
+    shown.viewer.set('View', 'all')
     shown.until(lambda: camera()[0][0] < 1.0)
     shown.viewer.send({**CAMERA, 'image_width': 390, 'image_height': 800})
-    shown.viewer.set('Focus on the frame', True)
+    shown.viewer.press('F')
     shown.until(lambda: camera()[0][2] < height - 0.5 and 3.0 < camera()[1] < 4.0)
 
 
@@ -748,7 +802,7 @@ def test_the_camera_and_a_frame_that_is_far(page, fixed):
     shown.set('Trail of', 'base')
     shown.until(lambda: len(viewer.trail()) > 70 and np.linalg.norm(
         viewer.trail()[-1, 1] - viewer.names()['base']) < 1e-3)
-    shown.viewer.set('Focus on all frames', True)
+    shown.viewer.set('View', 'all')
     shown.until(lambda: 0.0 < viewer.distance() < 30.0)
     target = viewer.last['SetCameraLookAtMessage']['look_at']
     for name in 'base', 'tip':
@@ -868,8 +922,9 @@ def test_focus_without_frames(page):
     """Nothing moves, and the viewer stays connected."""
     shown = page(live(TransformBuffer()))
     shown.until(lambda: 'no frames yet' in shown.viewer.text('overview'))
-    for button in 'Focus on all frames', 'Focus on the frame', 'Dark':
-        shown.viewer.set(button, True)
+    shown.viewer.set('View', 'all')
+    shown.viewer.press('F')
+    shown.viewer.set('Dark', True)
     shown.until(lambda: shown.viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
 
 
@@ -886,11 +941,11 @@ def test_focus_on_frames_that_are_drawn(page, clock):
 
     clock[0] += 20.0
     shown.until(lambda: len(shown.viewer.names()) == 2)
-    shown.viewer.set('Focus on all frames', True)
+    shown.viewer.set('View', 'all')
     shown.until(lambda: 0.0 < middle() < 2.0)
     shown.set('Frame timeout (s)', 60.0)
     shown.until(lambda: len(shown.viewer.names()) == 3)
-    shown.viewer.set('Focus on all frames', True)
+    shown.viewer.set('View', 'all')
     shown.until(lambda: middle() > 5.0)
 
 
@@ -942,7 +997,7 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
                 if event.client_id is None:
                     return
                 (drawn,) = shown.view.viewers.values()
-                if drawn.is_due(shown.clock[0] + 1.0):
+                if drawn.is_due:
                     shown.clock[0] += 1.0
                     shown.view.update()
                     done.append(event.target.label)
@@ -961,10 +1016,11 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
     shown = page(feed)
     viewer = shown.viewer
     shown.set('New frame', 'hand')
-    values = {'Frame': 'map', 'Fixed frame': 'base', 'Show names': False, 'Show the frame': False,
+    values = {'Frame': 'map', 'Fixed frame': 'base', 'Show names': False,
               'Axis length (m)': 1.0, 'Publish': True}
     for label, value in values.items():
-        shown.step()  # so that the next update is due
+        shown.step()
+        viewer.until(lambda: all(each.is_due for each in shown.view.viewers.values()))
         viewer.set(label, value)
         viewer.until(lambda: label in done)  # noqa: B023
     shown.until(lambda: publisher.sent == ['hand'])
@@ -1244,19 +1300,26 @@ def test_a_name_keeps_its_label(page, clock):
     assert labels()['fourth'] not in before.values()
 
 
-def test_a_click_selects_a_frame(page):
-    """Each rod of a frame selects it; a click on the whole scene, which has no index, does not."""
-    from viewer import CLICK
+@pytest.mark.parametrize('what', ['axis', 'name'])
+def test_a_click_selects_a_frame(page, what):
+    """On its axes, or on its name; a click beside them does not."""
     buffer = TransformBuffer()
     arm(buffer, T, 'map', 'base', 'hand')
     shown = page(live(buffer))
     viewer = shown.viewer
+    shown.until(lambda: len(viewer.names()) == 3)
     shown.until(lambda: viewer.detail('parent') == 'base')  # of hand
-    for index in 1, 10, None:  # base, and what is no frame
-        viewer.send({**CLICK, 'owner': viewer.nodes['/world/frames']['owner'],
-                     'instance_index': index})
+    place = np.array(viewer.names()['base'])
+    if what == 'axis':
+        shown.set('Show names', False)
+    look(shown)
+    viewer.click(place + ((0.0, 0.05, 0.0) if what == 'axis' else (0.05, -0.03, 0.0)))
     shown.until(lambda: viewer.detail('parent') == 'map')
     assert viewer.axes('scales').tolist() == [1.0, 1.5, 1.0]
+    viewer.click(place + (0.0, 0.6, 0.0))
+    for _ in range(3):
+        shown.step()
+    assert viewer.detail('parent') == 'map'
 
 
 def test_a_bag_is_played(page, clock):
@@ -1273,19 +1336,167 @@ def test_a_bag_is_played(page, clock):
     assert not viewer.names()
     assert not viewer.value('Show names')
     shown.set('Show names', True)
-    shown.set('Pause', True)
+    shown.set('Play', 'pause')
     shown.set('Time (s)', 7)
     shown.until(lambda: viewer.names().get('base') == [7, 0, 0] and any(
         name.startswith('post_') for name in viewer.names()))
     clock[0] += 5.0
     shown.update()
-    shown.set('Pause', False)
+    shown.set('Play', 'play')
     shown.until(lambda: 7 < viewer.names().get('base', [0])[0] < 10)
     shown.until(lambda: viewer.value('Time (s)') > 7)
     clock[0] += 5.0
     shown.until(lambda: viewer.names().get('base', [9])[0] < 5)  # it starts again
     shown.until(lambda: 'late' in viewer.gui[viewer.uuid('Frame')]['options'])
     assert 'late' not in viewer.names()
+
+
+def json_of(viewer):
+    """Return the view that the page has stored in the browser."""
+    return json.loads(next(iter(viewer.storage.values()), '{}'))
+
+
+def test_the_view_stays(page, clock):
+    """What a viewer has set is stored in the browser; the next connection begins with it."""
+    from viewer import Viewer
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.text('tree'))
+    values = {'Frame': 'base', 'Fixed frame': 'base', 'Axis length (m)': 0.5, 'Grid': False,
+              'Exclude': 'hand', 'Show names': False, 'Dark': True, 'A': 'map', 'B': 'hand'}
+    for label, value in values.items():
+        shown.set(label, value)
+    bar(shown, 'hide its branch', 'base')
+    look(shown)
+    camera = [1.0, 0.0, -5.0, 1.0, 0.0, 0.0, 0.8]
+    clock[0] += 2.0
+    shown.until(lambda: json_of(viewer).get('Hidden branches') == ['base']
+                and json_of(viewer)['Camera'] == camera)
+    assert json_of(viewer).items() >= values.items()
+    other = Viewer(shown.server.get_port(), position=[9.0, 9.0, 9.0])
+    other.storage = viewer.storage
+    other.until(lambda: 'SetCameraFovMessage' in other.last and 'A' in {
+        props.get('label') for props in other.gui.values()}, shown.update)
+    other.until(lambda: other.value('A') == 'map' and other.value('B') == 'hand', shown.update)
+    assert {label: other.value(label) for label in values} == values
+    assert other.last['SetCameraPositionMessage']['position'] == camera[:3]
+    assert other.last['ThemeConfigurationMessage']['dark_mode']
+    other.until(lambda: 'show its branch' in [
+        option for props in other.gui.values() for option in props.get('options', ())],
+        shown.update)
+    other.close()
+    viewer.press('R')  # forgets all of it
+    shown.until(lambda: viewer.value('Frame') == 'hand' and viewer.value('Fixed frame') == 'map')
+    assert viewer.value('Grid')
+    shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
+    clock[0] += 2.0
+    shown.until(lambda: json_of(viewer)['Hidden branches'] == [])
+
+
+def test_a_view_is_copied_and_pasted(page):
+    """As a line of JSON, also into the page of another one; what it does not say stays."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown, other = page(live(buffer)), page(live(buffer), view='{"Frame": "map", "Grid": false}')
+    other.until(lambda: other.viewer.value('Frame') == 'map' and not other.viewer.value('Grid'))
+    shown.set('Frame', 'base')
+    shown.viewer.set('Copy view', True)
+    shown.until(lambda: shown.viewer.text('view'))
+    text, = re.findall('data-text="view">([^<]*)<', shown.viewer.text('view'))
+    other.set('Paste view', unescape(text))
+    other.until(lambda: other.viewer.value('Frame') == 'base' and other.viewer.value('Grid'))
+    other.set('Paste view', '{"Frame": "hand"}')
+    other.until(lambda: other.viewer.value('Frame') == 'hand')
+    assert other.viewer.value('Grid')
+
+
+@pytest.mark.parametrize(('text', 'problem'), [
+    ('nonsense', 'this is no view: Expecting value'), ('[1]', 'it must be an object in JSON'),
+    ('[' * 5000, 'this is no view'), ('{"Frame": 1, "Axes": "yes", "Camera": [null], '
+     '"Hidden": [1], "Axis length (m)": 1e999, "Plot over": "x", "x": 2}', '')])
+def test_a_view_that_is_none(page, text, problem):
+    """The page says so, and goes on; values of a wrong type are left out."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer))
+    shown.until(lambda: shown.viewer.names())
+    shown.viewer.set('Paste view', text)
+    if problem:
+        shown.until(lambda: problem in shown.viewer.text('paste'))
+    shown.set('Frame', 'map')
+    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
+    assert shown.viewer.value('Axes')
+
+
+def test_a_browser_that_stores_nothing(page):
+    """The page works, and says once that nothing is kept."""
+    from viewer import Viewer
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer))
+    other = Viewer(shown.server.get_port())
+    other.blocked = 'denied'
+    other.until(lambda: any('stores nothing' in str(props.get('body')) or 'store nothing' in str(
+        props.get('body')) for props in [*other.gui.values(), *other.last.values()]), shown.update)
+    other.until(other.names, shown.update)
+    assert not other.storage
+    other.close()
+
+
+def test_the_time_of_a_bag_stays(page, clock):
+    """After a restart, the page goes on where it was, unless somebody else looks at the bag."""
+    buffer = TransformBuffer(10**18)
+    for second in range(11):
+        buffer.insert(T + second * S, 'map', 'base', pose(second))
+    shown = page(BagFeed(buffer, 'bag'), storage={
+        key: json.dumps({'Time': T + 7 * S}) for key in ('bag 0',)})
+    shown.until(lambda: shown.viewer.names().get('base', [0])[0] >= 7)
+
+
+def test_the_pair(page):
+    """A line connects its frames; buttons and Shift choose them."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: len(viewer.names()) == 3)
+    shown.set('Frame', 'map')
+    shown.step()
+    shown.set('Frames', 'selected as B')
+    shown.set('Frame', 'hand')
+    shown.step()
+    shown.set('Frames', 'selected as A')
+    shown.until(lambda: viewer.value('A') == 'hand' and viewer.value('B') == 'map')
+    shown.until(lambda: viewer.nodes.get('/world/pair', {}).get('visible') and viewer.nodes[
+        '/world/pair']['points'].tolist() == [2, 0, 0, 0, 0, 0])
+    shown.step()
+    shown.set('Frames', 'swap')
+    shown.until(lambda: viewer.value('A') == 'map' and '>2.000<' in viewer.text('pair'))
+    look(shown)
+    viewer.click(viewer.names()['base'], modifier='shift')
+    shown.until(lambda: viewer.value('A') == 'hand' and viewer.value('B') == 'base')
+    shown.set('B', '(none)')
+    shown.until(lambda: not viewer.nodes['/world/pair']['visible'])
+
+
+def test_the_keys(page):
+    """P pauses, B and N step, A, F and T move the camera."""
+    buffer = TransformBuffer(40 * S)
+    for second in range(11):
+        buffer.insert(T + second * S // 10, 'map', 'base', pose(second))
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
+    for key, x in ('B', 9), ('B', 8), ('N', 9), ('P', 10):
+        viewer.press(key)
+        shown.until(lambda: viewer.names().get('base') == [x, 0, 0])  # noqa: B023
+    assert not viewer.value('Pause')
+    for key in 'F', 'A', 'T':
+        viewer.last.clear()
+        viewer.press(key)
+        shown.until(lambda: 'SetCameraPositionMessage' in viewer.last)
 
 
 @pytest.mark.parametrize('changes', [
