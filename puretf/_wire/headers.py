@@ -17,14 +17,14 @@ class Headers:
     The headers of an even sample of the messages of a topic.
 
     Whenever the sample is full, every second message is dropped, and from then on half as many are
-    added. If many messages are expected, this is done beforehand.
+    added.
     """
 
     def __init__(self, encoding: Encoding = cdr, most: int = 20_000, most_bytes: int = 1_000_000
                  ) -> None:
         """Create an empty sample of at most `most` messages, whose names have `most_bytes`."""
         self._most, self._most_bytes = most, most_bytes
-        self._header, self._size, self._expected = encoding.header, 0, 0
+        self._header, self._size = encoding.header, 0
         self.count = 0  #: the number of all messages
         self.step = 1  #: of so many messages, one is in the sample
         self.frames: dict[str, int] = {}  #: by name: the number of the frame
@@ -32,12 +32,6 @@ class Headers:
         self.frame_numbers = array('q')  #: by message: the frame
         self.arrivals = array('q')  #: by message: the time of arrival or of the recording (ns)
         self.stamps = array('q')  #: by message: the stamp (ns)
-
-    def expect(self, count: int) -> None:
-        """Prepare for a number of messages that are going to come."""
-        self._expected += count
-        while self._expected > self._most * self.step:
-            self._halve()
 
     def _halve(self) -> None:
         self.frame_numbers, self.arrivals, self.stamps = (

@@ -5,7 +5,7 @@ The frames of a publisher's messages rarely change. So the layout of messages, t
 positions of their fields, is worked out once, and later messages are read by one call of `struct`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import struct
 from typing import Optional, Protocol
 
@@ -31,9 +31,6 @@ class Encoding(Protocol):
 
     def unpack(self, data: bytes) -> list[Row]:
         """Deserialise a message, or raise MalformedMessage."""
-
-    def rows(self, data: bytes) -> Iterator[Row]:
-        """Deserialise a message as `unpack` does, one transform after the other."""
 
     def key(self, data: bytes) -> bytes:
         """See `cdr.key`."""

@@ -7,7 +7,7 @@ bytes that found a fault before. No target imports ROS before it is called.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager, ExitStack, suppress
+from contextlib import contextmanager, ExitStack, suppress
 from functools import cache
 import json
 import logging
@@ -16,7 +16,6 @@ from pathlib import Path
 import pickle
 import random
 import shutil
-import sqlite3
 import struct
 import subprocess
 import sys
@@ -577,37 +576,14 @@ _BAG_MESSAGES = [
     *(('/tf', (100 + i) * S, [Row((100 + i) * S, 'odom', 'base_link', (i, *bags.STILL[1:])),
                               Row((100 + i) * S, 'base_link', 'tool', bags.STILL)])
       for i in range(3))]
-KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'mcap bit', 'metadata', 'statements')
+KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'mcap bit', 'metadata')
 #: The largest decompressed size that is allowed (bytes).
 _MAX_BYTES = 2**22
-#: Pieces of YAML in metadata, and statements that change a database; {} is one of `_TABLES`.
+#: Pieces of YAML in metadata.
 _YAML = ('\n', '\n  ', ' ', '\t', '- ', '-', '? ', '?', ': ', ':', ', ', ',', '[', ']', '{', '}',
          '&a', '*a', '&b ', '*b ', '!', '!!set ', '!<t> ', '<<', '<<: ', '"', "'", '|', '>', '#',
          '---', '--- ', '...', '%TAG ! !\n', '%YAML 1.1\n', '\x85', '\u2028', '\ufeff', '\r', 'a',
          'b', '=', '\\', 'a: &a [b]\n', 'b: {<<: *a}\n', '? *a\n', '"a":*a', 'k: [*a, *a]\n')
-_TABLES = ('messages', 'topics', 'message_definitions', 'x', 'y')
-_ROWS = ('SELECT x AS id, 1 AS topic_id, x AS timestamp, x AS data, x AS name, x AS type, '
-         'x AS serialization_format, x AS topic_type, x AS encoded_message_definition')
-_STATEMENTS = (
-    'ALTER TABLE {} RENAME TO {}', 'DROP TABLE {}', 'DROP INDEX timestamp_idx', 'ANALYZE',
-    f'CREATE VIEW {{}} AS WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) {_ROWS} '
-    'FROM r', f'CREATE VIEW {{}} AS {_ROWS} FROM (SELECT zeroblob(900000000) AS x)',
-    'CREATE VIEW {} AS SELECT a.* FROM {} a, {} b', 'CREATE VIEW {} AS SELECT * FROM {}',
-    'CREATE TABLE {} (id INTEGER PRIMARY KEY, topic_id, timestamp, data AS (zeroblob(900000000)))',
-    'CREATE TABLE {} (id INTEGER PRIMARY KEY, topic_id, timestamp, data) WITHOUT ROWID',
-    'ALTER TABLE {} ADD COLUMN z AS (zeroblob(900000000))', 'DELETE FROM {} WHERE id < 2',
-    'CREATE VIRTUAL TABLE {} USING fts4(id, topic_id, timestamp, data, content="{}")',
-    'CREATE VIRTUAL TABLE {} USING fts5(id, topic_id, timestamp, data, content="{}")',
-    'CREATE VIRTUAL TABLE {} USING rtree(id, topic_id, timestamp, data, x)',
-    'CREATE VIRTUAL TABLE {} USING dbstat',
-    'CREATE INDEX {} ON messages (zeroblob(timestamp))', 'CREATE INDEX i ON messages (topic_id)',
-    "INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 'x', zeroblob(1000000))",
-    "UPDATE messages SET timestamp = zeroblob(1000), topic_id = 'x' WHERE id = 2",
-    "UPDATE topics SET offered_qos_profiles = 'a: &a [b]\nb: *a'", 'PRAGMA writable_schema = on',
-    "UPDATE sqlite_master SET name = '{}' WHERE name = '{}'",
-    "UPDATE sqlite_master SET type = 'table', rootpage = 5 WHERE name = '{}'",
-    "UPDATE sqlite_master SET sql = 'CREATE TABLE {}(id, topic_id, timestamp, data AS (id))' "
-    "WHERE name = '{}'", "UPDATE sqlite_master SET sql = '/* CREATE TABLE */' || sql")
 _INTERESTING = (b'\0', b'\xff', b'\0' * 8, b'\xff' * 8, b'\x7f\xff\xff\xff', b'\xff\xff\xff\x7f')
 
 
@@ -709,16 +685,6 @@ def _check_yaml(source: Input) -> None:
             assert getattr(event, 'value', '') != '<<' or event.style, text
 
 
-def _change_database(path: Path, source: Input) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        for _ in range(source.integer(7)):
-            statement = source.choice(_STATEMENTS)
-            with suppress(sqlite3.Error):
-                database.execute(statement.format(*(source.choice(_TABLES) for _ in range(3))))
-        with suppress(sqlite3.Error):
-            database.commit()
-
-
 def check_bags(data: bytes) -> None:
     """Change bytes of a bag and read it: it is read, or a BagError says in one line why not."""
     source = Input(data)
@@ -731,10 +697,7 @@ def check_bags(data: bytes) -> None:
         if kind == 'metadata':
             _check_yaml(source)
             return
-        if kind == 'statements':
-            path.write_bytes(next(iter(seed_bag('db3').values())))
-            _change_database(path, source)
-        elif kind == 'mcap chunk':
+        if kind == 'mcap chunk':
             method = source.choice(('', 'lz4', 'zstd'))
             bags.mcap(path, bags.mcap_channel(), bags.mcap_chunk(
                 _changed(_chunk_content(), source), method))
@@ -788,6 +751,4 @@ def seeds_of_bags() -> Iterator[bytes]:
         yield bytes([number, len(kind) % 4, 4, 200, 3])
         yield bytes([number, 0, 3, 0, 5, 1, 1, 9, 4, 2, 1, 2, 3])
         yield bytes([number, 30, *range(30)])
-    for first in range(len(_STATEMENTS)):  # in place of a table
-        yield bytes([KINDS.index('statements'), 2, 0, 0, 3, 3, first, 0, 3, 3])
     yield bytes([0, 1, 1, 9, 0, 1]) + b'[{'  # in the metadata

@@ -54,7 +54,8 @@ class ArrivedMessages:
 def recorded(time: int, data: bytes, is_static: bool = False, publisher: str = '',
              encoding: Any = cdr) -> BagMessage:
     """Return a message as `Bag.messages` returns it; the time in ns."""
-    topic = Topic('/tf', TF_MESSAGE, encoding, publisher, is_static, False, Headers(), True)
+    topic = Topic('/tf', TF_MESSAGE, encoding, publisher, is_static, False, Headers(), True, True,
+                  True)
     return BagMessage(topic, time, data)
 
 

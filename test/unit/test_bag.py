@@ -6,11 +6,9 @@ from itertools import count, cycle, islice
 import os
 import random
 import re
-import shlex
 import shutil
 import sqlite3
 import struct
-import subprocess
 import sys
 import tracemalloc
 from types import SimpleNamespace
@@ -126,8 +124,6 @@ def test_messages_of_odd_bags(tmp_path, kind):
     assert len([*bags.messages(path, namespace='robot')]) == 1
     with pytest.raises(BagError, match='in the namespace /robot'):
         next(bags.messages(path))
-    with pytest.raises(ValueError, match='max_bytes'):
-        next(bags.messages(path, max_bytes=0))
     with pytest.raises(FileNotFoundError):
         next(bags.messages(tmp_path / 'missing'))
     with pytest.raises(ZeroDivisionError):
@@ -192,13 +188,6 @@ def test_definitions_of_types(tmp_path, definition, frames):
     assert topics_of(path) == (1, {'/thing': frames})
 
 
-def test_a_time_that_is_no_number(tmp_path):
-    """A message of a database whose time is a text has the time 0."""
-    file = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1, 1)))
-    change(file, "UPDATE messages SET timestamp = 'today' WHERE topic_id = 1")
-    assert [message.time for message in bags.messages(file)][-1] == 0
-
-
 @pytest.mark.parametrize('statement', [
     "UPDATE message_definitions SET encoding = ''", 'DROP TABLE message_definitions',
     "UPDATE topics SET offered_qos_profiles = '- history: 3'",
@@ -222,7 +211,7 @@ def change(database, *statements):
 
 
 def test_chunks_without_wanted_messages_are_not_read(tmp_path, logs):
-    """The index tells which these are, so only partial=True notices damage in them."""
+    """The index tells which these are, so damage in them is not noticed."""
     path = bags.make(tmp_path, 'mcap storage', [
         *bags.walk(1), *(('/point', i * S, bags.point('x' * 500_000), POINT)
                          for i in range(200, 220)), *bags.walk(1, begin=300 * S)])
@@ -232,11 +221,12 @@ def test_chunks_without_wanted_messages_are_not_read(tmp_path, logs):
     assert len(magic) > 5
     data[magic[-2]:magic[-2] + 4] = bytes(4)
     file.write_bytes(data)
-    assert read(path).frames()[1].length == 22
+    for partial in False, True:
+        assert read(path, partial=partial).frames()[1].length == 22
     with pytest.raises(BagError, match='cannot be read'):
         topics_of(path)  # which reads the headers in these chunks
     assert not logs
-    assert read(path, partial=True).frames()[1].length == 22
+    assert topics_of(path, partial=True)[0] == 24
     assert f'{file}: ' in logs[0].getMessage()
 
 
@@ -460,7 +450,7 @@ def test_what_is_no_bag(tmp_path, partial):
         path = tmp_path / name
         path.write_bytes(content)
         error = outcome(path, partial=partial)
-        assert error.removeprefix('no TF message can be read: ').startswith(f'{path} ')
+        assert error.removeprefix('no TF message can be read: ').startswith(str(path))
         assert why in error
         assert '\n' not in error
     for missing in tmp_path / 'nowhere', tmp_path / 'no*.db3':
@@ -479,27 +469,26 @@ def test_a_database_of_something_else(tmp_path):
 
 
 @on_unix
-@pytest.mark.parametrize('name', ['pipe', 'metadata.yaml', 'x.db3', 'x.db3-wal'])
+@pytest.mark.parametrize('name', ['pipe', 'x.db3'])
 def test_a_pipe_is_no_bag(tmp_path, name):
     """A pipe is refused, since reading it might never end."""
     path = bags.make(tmp_path / 'x', 'db3', bags.walk(1))
     (path / name).unlink(missing_ok=True)
     os.mkfifo(path / name)
-    assert f'{path / name} is not a bag: it is not a regular file' in outcome(
+    assert 'it is no file' in outcome(
         path / name if name == 'pipe' else path)
 
 
-@pytest.mark.parametrize('kind', [kind for kind in KINDS if not kind.startswith('mcap')])
-def test_partial_is_for_mcap(tmp_path, kind):
-    """Other bags are refused in one line, though they are whole."""
-    file = bags.file_of(bags.make(tmp_path, kind, bags.walk(1)))
-    assert outcome(file, partial=True) == (
-        f'no TF message can be read: {file} cannot be read with partial=True, which '
-        'reads .mcap files only: leave it out.')
+@pytest.mark.parametrize('kind', KINDS)
+def test_partial_changes_nothing_for_a_whole_bag(tmp_path, logs, kind):
+    """Bags of every kind are read with it, too."""
+    path = bags.make(tmp_path, kind, bags.walk(1))
+    assert read(path, partial=True).dump() == read(path).dump()
+    assert not logs
 
 
 def test_a_database_that_was_not_closed(tmp_path):
-    """Its newest messages are in a second file; the error has a command that inserts them."""
+    """Its newest messages are in a second file, from which they are read."""
     path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
     killed = tmp_path / "it's"
     with closing(sqlite3.connect(path / 'robot.db3')) as database:
@@ -510,30 +499,27 @@ def test_a_database_that_was_not_closed(tmp_path):
         killed.mkdir()
         for file in path.glob('robot.db3*'):
             shutil.copy(file, killed)
-    error = outcome(killed / 'robot.db3')
-    assert 'robot.db3 was not closed after recording, and robot.db3-wal has data' in error
-    command = shlex.split(error.partition('python3 ')[2])
-    subprocess.run([sys.executable, *command], check=True)
+    assert (killed / 'robot.db3-wal').stat().st_size
     assert 200 * S in [frame.latest for frame in read(killed / 'robot.db3').frames()]
 
 
-def test_metadata_that_cannot_be_read(tmp_path, logs):
-    """Unsupported or malformed metadata are an error; with partial=True, a warning."""
-    for number, (old, new, why) in enumerate([
+#: A remedy in the errors of metadata.
+WITHOUT = 'Its files can be read without it: give them in place of the directory'
+
+
+def test_metadata_that_cannot_be_read(tmp_path):
+    """They are an error, whose remedy is to read the files."""
+    for number, (new, why) in enumerate([
             # Long metadata are not parsed, since that would take minutes.
-            ('version: 9', '#' * 1_000_000, 'metadata.yaml: it has more than 1000000 '),
-            ('compression_format: zstd', 'compression_format: rar',
-             "its compression format is 'rar', not zstd"),
-            ('version: 9', '"', 'metadata.yaml: ')]):
+            ('#' * 1_000_000, 'it has more than 1000000 bytes.'), ('"', '')]):
         path = bags.make(tmp_path / str(number), 'mcap message', bags.walk(1))
         metadata = path / 'metadata.yaml'
-        assert old in metadata.read_text()
-        metadata.write_text(metadata.read_text().replace(old, new))
+        metadata.write_text(metadata.read_text().replace('version: 9', new))
         error = outcome(path)
-        assert error.startswith(f'{path} cannot be read: {why}')
+        assert error.startswith(f'{path} cannot be read: metadata.yaml: {why}')
+        assert error.endswith(WITHOUT)
         assert '\n' not in error
-        assert len(read(path, partial=True).frames()) == 2
-        assert why in messages(logs)
+        assert len(read(bags.file_of(path)).frames()) == 2
 
 
 #: Nine levels of ten merge keys each: loading it takes a thousand million copies.
@@ -545,14 +531,13 @@ ENDLESS = 'a0: &a0 {k: v}\n' + ''.join(
     'a: &a [1]\nb: *a\n', 'a: {<<: {b: 1}}\n', 'a: !!set {b}\n', '? !t a\n: 1\n', '- *a',
     '\ufeff<<: {b: 1}\n', 'a:\n  *b', 'a:\x85*b', '"a":*b', '[*a]', '{?*a}', '--- &a\nb: 1\n',
     ENDLESS], ids=lambda text: text[:9])
-def test_metadata_that_refer_to_themselves(tmp_path, logs, text):
-    """They are refused before they are loaded; with partial=True, the files are read."""
+def test_metadata_that_refer_to_themselves(tmp_path, text):
+    """They are refused before they are loaded."""
     path = bags.make(tmp_path / 'x', 'mcap', bags.walk(1))
     (path / 'metadata.yaml').write_bytes(text.encode() + (path / 'metadata.yaml').read_bytes())
     assert outcome(path) == (
         f'{path} cannot be read: metadata.yaml: it has an alias, an anchor, a tag or a merge key. '
-        'partial=True reads the files without it')
-    assert len(read(path, partial=True).frames()) == 2
+        f'{WITHOUT}')
     assert len(read(bags.file_of(path)).frames()) == 2
 
 
@@ -563,30 +548,16 @@ def test_names_in_metadata(tmp_path, name):
     assert len(read(path).frames()) == 2
 
 
-@pytest.mark.parametrize('kind', ['mcap', 'db3'])
-def test_a_qos_that_refers_to_itself(tmp_path, kind):
-    """The durability is not known; the transforms are read."""
-    if kind == 'mcap':
-        path = by_mcap(tmp_path / 'x.mcap', metadata={'offered_qos_profiles': ENDLESS})
-    else:
-        path = bags.file_of(bags.make(tmp_path / 'x', kind, bags.walk()))
-        change(path, f"UPDATE topics SET offered_qos_profiles = '{ENDLESS}'")
-    count, topics = read_topics(path)
-    assert count == 102
-    assert not any(topic.durabilities for topic in topics)
-
-
-@pytest.mark.parametrize(('module', 'kind', 'partial'), [
-    ('rosbags', 'mcap', False), ('mcap', 'mcap', True), ('ruamel', 'db3', False)])
-def test_a_library_that_is_missing(tmp_path, monkeypatch, module, kind, partial):
+@pytest.mark.parametrize('module', ['rosbags', 'lz4', 'ruamel'])
+def test_a_library_that_is_missing(tmp_path, monkeypatch, module):
     """The error says how to install it; it is not damage of the bag."""
-    path = bags.make(tmp_path, kind, bags.walk(1))
+    path = bags.make(tmp_path, 'mcap', bags.walk(1))
     for name in [*sys.modules]:
         if name.startswith((f'{module}.', 'puretf._bag.')):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
     assert re.fullmatch(f'a library that reads bags cannot be imported .*{module}.*: pip install '
-                        'rosbags mcap', outcome(path, partial=partial))
+                        'rosbags', outcome(path))
 
 
 # Damage
@@ -671,10 +642,11 @@ def test_a_damaged_file(small_bags, kind, at, new, partial):
 HEADER = bags.mcap_channel() + bags.mcap_chunk(bags.mcap_channel() + bags.mcap_message(
     [bags.row(S, 'map', 'before')], S))
 TRAILER = bags.mcap_chunk(bags.mcap_message([bags.row(S, 'map', 'after')], S))
+CHECKSUM = 'the size or the checksum of a chunk is wrong'
 DAMAGES = {
-    'checksum': (bags.mcap_chunk(bags.mcap_message([], S), crc=7), 'crc validation failed'),
+    'checksum': (bags.mcap_chunk(bags.mcap_message([], S), crc=7), CHECKSUM),
     'zstd': (bags.mcap_chunk(bytes(99), 'zstd').replace(b'\x28\xb5', b'\x28\xb6'),
-             'error determining'),
+             'Unable to decompress'),
     'length': (bags.mcap_chunk(bags.mcap_record(5, b'1')), 'unpack requires')}
 
 
@@ -694,17 +666,18 @@ def test_a_damaged_chunk_with_the_channels(tmp_path, logs):
         bags.mcap_channel() + bags.mcap_message([bags.row(S, 'map', 'before')], S), crc=7)
     path = bags.mcap(tmp_path / 'x.mcap', damaged, TRAILER, summary=bags.mcap_channel())
     assert outcome(path, partial=True) == ['after']
-    assert 'crc validation failed' in messages(logs)
+    assert CHECKSUM in messages(logs)
 
 
 def test_a_damaged_message(tmp_path, logs):
-    """With partial=True, a compressed message that is cut off is skipped with a warning."""
+    """A compressed message that is cut off is skipped with a warning."""
     content = [*bags.walk(20)]
     (time, stream), cut = content[10][1::-1], bags.packed(bags.ros2(content[10][2]), 'zstd')[:-5]
     path = bags.make(tmp_path, 'mcap', [*content[:10], (stream, time, cut), *content[10:]])
-    (frame,) = read(path, partial=True).frames()[1:]
-    assert frame.length == 201
-    assert 'the compressed data of a message end too early' in messages(logs)
+    for partial in False, True:
+        (frame,) = read(path, partial=partial).frames()[1:]
+        assert frame.length == 201
+    assert 'skipped 1 of 203 TF messages, which cannot be decoded: ' in messages(logs)
 
 
 def test_zeros_at_the_end(tmp_path, logs):
@@ -744,51 +717,13 @@ def test_values_of_a_database_that_are_no_messages_or_topics(tmp_path, logs):
     assert sum(map(int, skipped)) == len(values)
 
 
-_ROWS = 'SELECT 1 AS id, 1 AS topic_id, 1 AS timestamp, x AS data'
-_ENDLESS_ROWS = f'WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) {_ROWS} FROM r'
-
-
-@pytest.mark.parametrize(('name', 'statement'), [
-    ('messages', f'CREATE VIEW messages AS {_ENDLESS_ROWS}'),
-    ('Messages', 'CREATE VIEW Messages AS SELECT * FROM old'),
-    ('topics', 'CREATE VIEW topics AS SELECT * FROM old'),
-    ('message_definitions', 'CREATE VIEW message_definitions AS WITH RECURSIVE r(x) AS (SELECT 1 '
-     'UNION ALL SELECT x + 1 FROM r) SELECT x AS topic_type, x AS encoded_message_definition '
-     'FROM r'),
-    ('messages', 'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, '
-     'data AS (zeroblob(900000000)))'),
-    ('messages', 'CREATE VIRTUAL TABLE messages USING rtree (id, topic_id, timestamp, data, x)')])
-def test_what_is_no_table(tmp_path, name, statement):
-    """Views, virtual tables and generated columns are refused: what they compute may not end."""
-    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1)))
-    change(path, f'ALTER TABLE {name} RENAME TO old', statement)
-    assert outcome(path).startswith(
-        f'{path} cannot be read: {name} is not a table of plain columns. ')
-
-
-def test_a_long_query(tmp_path):
-    """The callback is called meanwhile, so that it can end it."""
-    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1)))
-    change(path, 'DROP INDEX timestamp_idx', 'INSERT INTO messages (topic_id, timestamp, data) '
-           'WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r LIMIT 500000) '
-           "SELECT 9, x, '' FROM r")
-    calls = count()
-
-    def on_progress(done):
-        if done == 0.0 and next(calls) == 9:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        read(path, on_progress=on_progress)
-
-
 def test_a_database_without_an_index(tmp_path):
-    """Its messages are read as they were written, since SQLite would sort them on the disk."""
+    """SQLite sorts its messages."""
     path = bags.file_of(bags.make(tmp_path, 'db3', [
         ('/tf', time, [bags.row(time, 'map', 'odom')]) for time in (3, 1, 2)]))
     assert [message.time for message in bags.messages(path)] == [1, 2, 3]
     change(path, 'DROP INDEX timestamp_idx')
-    assert [message.time for message in bags.messages(path)] == [3, 1, 2]
+    assert [message.time for message in bags.messages(path)] == [1, 2, 3]
 
 
 # Files of mcap that rosbags does not read, or reads in part
@@ -843,25 +778,14 @@ def test_schemas_that_are_unknown(tmp_path, count):
     assert [frame.length for frame in read(path).frames()] == [1, 101]
 
 
-def test_a_message_that_the_index_does_not_have(tmp_path):
-    """A message after the chunks, which only the number of messages tells of, is read."""
-    path = by_mcap(tmp_path / 'x.mcap')
-    data = bytearray(path.read_bytes())
-    footer = len(data) - 8 - 20
-    start, offsets, _ = struct.unpack_from('<QQI', data, footer)
-    statistics = start
-    while data[statistics] != 0x0b:
-        statistics += 9 + int.from_bytes(data[statistics + 1:statistics + 9], 'little')
-    (count,) = struct.unpack_from('<Q', data, statistics + 9)
-    extra = bags.mcap_message([bags.row(S, 'map', 'outside')], S, 2)
-    struct.pack_into('<Q', data, statistics + 9, count + 1)
-    struct.pack_into('<QQI', data, footer, start + len(extra), offsets + len(extra), 0)
-    data[start - 13:start - 13] = extra  # before the end of the data, a record of 13 bytes
-    path.write_bytes(data)
-    assert count == 102
+def test_a_message_outside_of_the_chunks(tmp_path):
+    """It is read with those in chunks; without a definition of its channel, it is an error."""
+    path = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_message(
+        [bags.row(S, 'map', 'outside')], S))
     for partial in False, True:
-        found = [frame.name for frame in read(path, partial=partial).frames()]
-        assert sorted(found) == ['base_link', 'odom', 'outside']
+        assert sorted(outcome(path, partial=partial)) == ['before', 'outside']
+    bags.mcap(path, bags.mcap_message([bags.row(S, 'map', 'outside')], S))
+    assert 'a message that is not in a chunk has no channel' in outcome(path)
 
 
 def flipped(path, at):
@@ -892,17 +816,9 @@ def test_a_bit_of_a_chunk(tmp_path, logs, repeat_channels):
     path = by_mcap(tmp_path / 'x.mcap', repeat_channels=repeat_channels,
                         compression=CompressionType.NONE)
     flipped(path, path.read_bytes().rindex(b'base_link'))
-    assert re.search('cannot be read: (Chunk checksum mismatch|crc validation failed)',
-                     outcome(path))
+    assert f'cannot be read: {CHECKSUM}' in outcome(path)
     assert 80 < read(path, partial=True).frames()[1].length < 101
-    assert 'crc validation failed' in messages(logs)
-
-
-def test_a_summary_that_is_too_large(tmp_path):
-    """It is refused before it takes memory."""
-    path = by_mcap(tmp_path / 'x.mcap')
-    assert re.search('its summary takes [0-9]+ bytes, more than the limit of 300: ',
-                     outcome(path, max_bytes=300))
+    assert CHECKSUM in messages(logs)
 
 
 def test_a_bomb_without_an_index(tmp_path):
@@ -937,8 +853,13 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize('kind', KINDS)
 def test_progress_is_called_back(tmp_path, kind):
     """The callback receives the fraction that has been read, which grows up to 1."""
+    def content():
+        for i in range(2000):
+            yield '/tf', (100 + i) * S, [bags.row((100 + i) * S, 'map', 'odom')]
+            yield '/text', (100 + i) * S, random.Random(i).randbytes(9000), bags.STRING
+
     parts: list[float] = []
-    read(bags.make(tmp_path, kind, bags.walk(100)), on_progress=parts.append)
+    read(bags.make(tmp_path, kind, content()), on_progress=parts.append)
     assert len(parts) > 10
     assert parts == sorted(parts)
     assert parts[0] == 0.0
@@ -973,7 +894,6 @@ def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
 # Limits
 
 
-TOOL = 'tool' * 250
 LIMIT = MIB
 BOMB = 32 * MIB
 
@@ -1041,23 +961,14 @@ def test_a_limit_that_is_large_enough(tmp_path, logs, kind):
     assert 'max_bytes' in outcome(path, max_bytes=1)
 
 
-@pytest.mark.parametrize('limit', [0, -1])
-def test_a_limit_must_be_positive(tmp_path, limit):
-    """Zero and negative numbers are a ValueError, and a float is a TypeError."""
-    with pytest.raises(ValueError, match=f'max_bytes must be a positive .*, got {limit}'):
-        read(tmp_path, max_bytes=limit)
-    with pytest.raises(TypeError):
-        read(tmp_path, max_bytes=1.5)
-
-
 @pytest.mark.parametrize('opcode', [3, 5, 6, 9])
 def test_a_length_of_exabytes(tmp_path, logs, opcode):
     """Memory is not allocated by the length that a record declares."""
     path = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_record(
         opcode, b'\1\0' + bytes(100), 2**62))
-    assert_refused_early(path, 'cannot be read: (?!.*MemoryError)')
+    assert_refused_early(path, 'cannot be read: it ends too early')
     assert outcome(path, partial=True) == ['before']
-    assert 'pass a larger max_bytes' in messages(logs)
+    assert 'it ends too early' in messages(logs)
 
 
 def test_a_temporary_directory_without_room(tmp_path, monkeypatch):
@@ -1068,31 +979,3 @@ def test_a_temporary_directory_without_room(tmp_path, monkeypatch):
     assert re.search(r'takes more than 10000 bytes, half of the free space in \S+: set TMPDIR to '
                      'a directory with more space', error)
     assert '\n' not in error
-
-
-def long_message(kind):
-    """Return the bytes of a message with 4300 transforms, which takes more than 4 MiB."""
-    rows = [bags.row(S + i, 'map', TOOL, at(float(i))) for i in range(4300)]
-    return (bags.ros1 if kind == 'bag' else bags.ros2)(rows)
-
-
-@pytest.mark.parametrize('kind', ['mcap', 'bag'])
-def test_a_long_message(tmp_path, kind):
-    """It is inserted whole and in order; the callback can end the reading at each transform."""
-    path = bags.make(tmp_path, kind, [
-        ('/tf', S, [bags.row(S, 'map', TOOL)]), ('/tf', 2 * S, long_message(kind)),
-        ('/tf_static', 3 * S, [bags.row(S, 'map', 'fixed')])])
-    parts: list[float] = []
-    buffer = read(path, on_progress=parts.append)
-    assert len(parts) > 2 * 4300
-    assert [frame.length for frame in buffer.frames()] == [4300, 1]
-    assert buffer.lookup_transform('map', TOOL, S + 1234).translation[0] == 1234.0
-
-
-@pytest.mark.parametrize('kind', ['mcap', 'bag'])
-def test_a_long_message_that_is_cut_off(tmp_path, logs, kind):
-    """It is skipped as a whole, like a short one."""
-    path = bags.make(tmp_path, kind, [
-        ('/tf', S, [bags.row(S, 'map', TOOL)]), ('/tf', 2 * S, long_message(kind)[:-1])])
-    assert read(path).frames()[0].length == 1
-    assert 'skipped 1 of 2 TF messages, which cannot be decoded: ' in messages(logs)

@@ -121,9 +121,9 @@ def test_modules_that_need_no_ros():
 
 def test_modules_that_reach_no_ros_can_be_imported_without_it():
     """Neither rclpy nor any message package can be imported there."""
-    # These import viser, rosbags or mcap, which need not be installed.
+    # These import viser, or rosbags and what it needs, which need not be installed.
     others = 'puretf_tools.view.', *(f'puretf._bag.{name}' for name in (
-        'whole_files', 'mcap_stream', 'database', 'decoding', 'rosbags_private'))
+        'files', 'mcap_file', 'database', 'unpacking'))
     names = [name for name in WITHOUT if not name.startswith(others)]
     code = ''.join(f'import {name}\n' for name in names)
     subprocess.run([sys.executable, '-c', WITHOUT_ROS + code], check=True, env=os.environ,

@@ -124,22 +124,6 @@ def test_the_cache_that_is_needed():
                    for stamp in times.stamps.tolist()) is is_enough
 
 
-@pytest.mark.parametrize('counts', [[100], [30, 70], [5, 95], [20, 20, 21, 500]])
-def test_a_sample_of_several_files(counts):
-    """A bag may have several files; of all messages, each so-many-th is in the sample."""
-    sample = Headers(most=20)
-    number = 0
-    for count in counts:
-        sample.expect(count)
-        for _ in range(count):
-            if sample.wants_next():
-                sample.add(number, header_of(number, 'laser'))
-            number += 1
-    assert sample.count == number
-    assert sample.arrivals.tolist() == [*range(0, number, sample.step)] == sample.stamps.tolist()
-    assert number / 40 <= sample.step <= number / 10
-
-
 def test_frames_without_times():
     """A frame counts once, however many messages have it."""
     sample = Headers(most_bytes=100)

@@ -1,0 +1,128 @@
+"""What a bag has, as far as it has been read: its topics, begin and end, and damage."""
+
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+import re
+from typing import Optional, Union
+
+from puretf._bag.recordings import BagError
+from puretf._core import texts
+from puretf._wire import cdr, ros1
+from puretf._wire.definitions import begins_with_header
+from puretf._wire.headers import Headers
+from puretf._wire.message_reader import Encoding
+
+#: The publisher of a stream if the bag does not record it; rosbag2 never does.
+NOT_RECORDED = 'not recorded'
+#: Topics whose messages are read: the type and the last part of the name, or the whole name.
+Other = Union[tuple[str, str], str]
+_TF_TYPES = texts.TF_MESSAGE, 'tf/msg/tfMessage'
+#: The durabilities to which old versions of rosbag2 give numbers.
+_DURABILITIES = {'0': 'SYSTEM_DEFAULT', '1': 'TRANSIENT_LOCAL', '2': 'VOLATILE', '3': 'UNKNOWN'}
+_REMEDIES = {
+    '': 'partial=True reads the other files',
+    '.mcap': 'If it is damaged or cut off, partial=True reads what is left',
+    '.db3': 'If it is damaged, the command .recover of the program sqlite3 may help',
+    '.bag': 'If it is damaged or cut off, rosbag reindex of ROS 1 may help'}
+
+
+@dataclass(eq=False)
+class Topic:
+    """A topic of a bag; in ROS 1, what one node has published on it."""
+
+    name: str
+    msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
+    encoding: Encoding
+    publisher: str  #: the name of the node that published it; 'not recorded' in rosbag2
+    is_static: Optional[bool]  #: whether it is /tf_static of the namespace; None: it is neither
+    #: Whether its messages begin with a header; None: it is not known. False if neither headers
+    #: nor messages of this name are read.
+    has_header: Optional[bool]
+    headers: Headers  #: of all messages, or of evenly spaced ones, at most 20 000
+    is_tf: bool  #: True if its messages are TF messages
+    is_wanted: bool  #: True if its messages are read
+    is_read: bool  #: True if its messages, or their headers, are read
+    #: How many publishers have which recorded durability, such as 'TRANSIENT_LOCAL'.
+    durabilities: Counter[str] = field(default_factory=Counter)
+    count: int = 0  #: the number of its messages in the files that have been read
+
+
+#: A message of a bag: its topic, the time at which it was recorded (ns), and its bytes.
+Record = tuple[Topic, int, bytes]
+
+
+class Contents:
+    """The topics and the damage of a recording, and which of its messages are read."""
+
+    def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int, tf: bool = False,
+                 headers: bool = False, others: Collection[Other] = ()) -> None:
+        """Find nothing yet; see `Bag.messages`."""
+        self._path, self._partial, self.max_bytes = path, partial, max_bytes
+        self.file, self.kind = path, ''  #: what is being read; '': a file of an unknown format
+        self._namespace = texts.namespace_path(namespace)
+        self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
+        self._tf, self._headers, self._others = tf, headers, others
+        self.topics: dict[tuple[str, str], Topic] = {}  #: by name and type
+        self._of_node: dict[tuple[Topic, str], Topic] = {}
+        #: When the first and the last message were recorded (ns); (0, 0): there is none.
+        self.begin, self.end = 0, 0
+        self.damage: list[str] = []  #: descriptions of the faults in its files
+
+    def topic(self, name: str, msgtype: str, definition: str, encoding: str, qos: str = '',
+              publisher: str = NOT_RECORDED, count: int = 0) -> Topic:
+        """Return a topic with further messages; `qos`: its profiles, in the YAML of rosbag2."""
+        name = f'/{name.strip("/")}'
+        msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', msgtype)  # as in ROS 2
+        if encoding not in ('cdr', 'ros1', ''):
+            msgtype = f'{msgtype} in {encoding}'  # which is not a known type
+        topic = self.topics.get((name, msgtype))
+        if topic is None:
+            module = ros1 if encoding == 'ros1' else cdr
+            is_tf, is_named = msgtype in _TF_TYPES, name in self._others
+            is_static = self._is_static.get(name) if is_tf else None
+            has_header = (self._headers or is_named) and not is_tf and (
+                name not in self._is_static and begins_with_header(msgtype, definition))
+            is_wanted = (self._tf and is_static is not None) or is_named or (
+                msgtype, name.rpartition('/')[2]) in self._others
+            topic = self.topics[name, msgtype] = Topic(
+                name, msgtype, module, publisher, is_static, has_header, Headers(module), is_tf,
+                is_wanted, is_wanted or bool(has_header))
+        topic.count += count
+        topic.durabilities |= Counter(  # the largest numbers of all files
+            _DURABILITIES.get(each, each.upper())
+            for each in re.findall(r'durability: (\w+)', qos))
+        if publisher == topic.publisher:
+            return topic
+        return self._of_node.setdefault((topic, publisher), replace(topic, publisher=publisher))
+
+    def add_span(self, begin: int, end: int) -> None:
+        """Note when the first and the last message of a part were recorded (ns); 0: none."""
+        if end > 0:
+            self.begin, self.end = min(self.begin or begin, begin), max(self.end, end)
+
+    def add_damage(self, error: Exception) -> None:
+        """Note an error in the file if `partial` is True; else, raise a BagError."""
+        if isinstance(error, BagError):
+            raise error
+        text = texts.error_line(error)
+        if not self._partial:
+            name = '' if self.file == self._path else f'{texts.visible(self.file.name)}: '
+            raise BagError(f'{self._path} cannot be read: {name}{text} '
+                           f'{_REMEDIES[self.kind] if self.kind or name else ""}'.rstrip()
+                           ) from None
+        self.damage.append(f'{texts.visible(str(self.file))}: {text}')
+
+    def wrong_types(self) -> str:
+        """Name the topics of TF that have another type; return '' if there are none."""
+        found = [key for key, topic in self.topics.items()
+                 if topic.name in self._is_static and not topic.is_tf]
+        return texts.wrong_types(found) if found else ''
+
+    def why_no_tf(self) -> str:
+        namespaces = {topic.name.rpartition('/')[0] for topic in self.topics.values()
+                      if topic.is_tf and re.search('/tf(_static)?$', topic.name)}
+        if others := sorted(namespaces - {self._namespace}):
+            return texts.no_tf_here([*self._is_static], others)
+        return self.wrong_types() or texts.no_tf([*self._is_static], [*self.topics])

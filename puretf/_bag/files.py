@@ -1,0 +1,93 @@
+"""The messages of the files of a recording, of any format; rosbags reads those of ROS 1."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rosbags import rosbag1
+from rosbags.typesys import get_typestore, Stores
+
+from puretf._bag.contents import Contents, NOT_RECORDED
+from puretf._bag.database import records_of_database
+from puretf._bag.mcap_file import McapFile
+from puretf._bag.recordings import BAG_DEFINITION
+from puretf._bag.unpacking import Item, TICK, unpack_file, ZSTD
+from puretf._wire import ros1
+from puretf._wire.message_reader import Encoding
+
+#: The first bytes of the formats; `.zstd` is a file that is compressed as a whole.
+_KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag',
+          ZSTD: '.zstd'}
+_typestore = cache(get_typestore)
+
+
+def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirectory[str]]
+            ) -> Iterator[Item]:
+    """Yield the messages of a file that are read; `copies`: the decompressed copies of files."""
+    contents.file, contents.kind = path, ''
+    try:
+        kind = contents.kind = _kind_of(path)
+        if kind != '.zstd':
+            yield from _READERS[kind](path, contents)
+            return
+        contents.kind = path.with_suffix('').suffix
+        if path not in copies:
+            copies[path] = TemporaryDirectory()
+            try:
+                for done in unpack_file(path, Path(copies[path].name, 'whole')):
+                    yield done / 2
+            except Exception as error:  # what has been decompressed is read
+                contents.add_damage(error)
+        whole = Path(copies[path].name, 'whole')
+        contents.kind = _kind_of(whole)
+        for item in _READERS[contents.kind](whole, contents):
+            yield (1 + item) / 2 if isinstance(item, float) else item
+    except Exception as error:  # the libraries raise errors of many types
+        contents.add_damage(error)
+
+
+def _kind_of(path: Path) -> str:
+    """Return '.mcap', '.db3', '.bag' or '.zstd'."""
+    if not path.is_file():  # the end of a pipe might never be reached
+        raise ValueError('it is no file' if path.exists() else 'it is missing')
+    with path.open('rb') as file:
+        beginning = file.read(16)
+    for magic, kind in _KINDS.items():
+        if beginning.startswith(magic):
+            return kind
+    raise ValueError(f'it is not a bag: {BAG_DEFINITION if beginning else "it is empty"}')
+
+
+def _records_of_ros1(path: Path, contents: Contents) -> Iterator[Item]:
+    with rosbag1.Reader(path) as reader:
+        topics = {each.id: contents.topic(
+            each.topic, each.msgtype, each.msgdef.data, 'ros1',
+            publisher=each.ext.callerid or NOT_RECORDED, count=each.msgcount)
+            for each in reader.connections}
+        wanted = [each for each in reader.connections if topics[each.id].is_read]
+        number, total = 0, sum(each.msgcount for each in wanted)
+        contents.add_span(reader.start_time, reader.end_time - 1)
+        for number, (each, time, data) in enumerate(
+                reader.messages(wanted) if wanted else (), 1):
+            if number % TICK == 1:
+                yield min(1.0, number / total)
+            yield topics[each.id], time, data
+    if number != total:
+        raise ValueError(f'its index announces {total} messages, but {number} were found')
+
+
+_READERS: dict[str, Callable[[Path, Contents], Iterator[Item]]] = {
+    '.mcap': lambda path, contents: McapFile(path, contents).records(),
+    '.db3': records_of_database, '.bag': _records_of_ros1}
+
+
+def decoded(data: bytes, msgtype: str, encoding: Encoding) -> Any:
+    """Return a message of a standard type as an object; None if it cannot be decoded."""
+    types = _typestore(Stores.ROS1_NOETIC if encoding is ros1 else Stores.LATEST)
+    with suppress(Exception):  # the decoder raises errors of many types
+        return (types.deserialize_ros1 if encoding is ros1 else types.deserialize_cdr)(
+            data, msgtype)
+    return None
