@@ -137,15 +137,13 @@ def many(u: float) -> Iterator[Row]:
                 path = Path(directory, 'bench.mcap')
                 write_chunks(path, compression, others)
                 seconds = least(lambda: bag.read(path))  # noqa: B023
-                partial = least(lambda: bag.read(path, partial=True))  # noqa: B023
                 with AnyReader([path]) as reader:
                     wanted = [each for each in reader.connections if each.topic == '/tf']
                     theirs = least(
                         lambda: deque(reader.messages(wanted), maxlen=0))  # noqa: B023
             yield (f'mcap{", " * bool(compression)}{compression}, 4 frames per message'
                    + ', ten other messages for each' * bool(others), *cost(seconds / 80_000, u),
-                   f'{seconds / theirs:.1f} of reading the bytes by rosbags; '
-                   f'partial=True {partial / seconds:.1f}')
+                   f'{seconds / theirs:.1f} of reading the bytes by rosbags')
 
 
 def write_chunks(path: Path, compression: str, others: int, size: int = 300) -> None:

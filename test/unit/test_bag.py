@@ -821,6 +821,17 @@ def test_a_bit_of_a_chunk(tmp_path, logs, repeat_channels):
     assert CHECKSUM in messages(logs)
 
 
+def test_a_chunk_that_is_not_recognised(tmp_path):
+    """The statistics tell that one is missing, which another kind of record hides."""
+    path = by_mcap(tmp_path / 'x.mcap')
+    data = path.read_bytes()
+    chunks = [found.start() for found in re.finditer(rb'\x06.{7}\0', data, re.DOTALL)
+              if data[found.end() + 28:].startswith(b'\4\0\0\0zstd')]
+    path.write_bytes(data[:chunks[1]] + b'\x46' + data[chunks[1] + 1:])
+    assert f'it has {len(chunks) - 1} chunks, not {len(chunks)}' in outcome(path)
+    assert 80 < read(path, partial=True).frames()[1].length < 101
+
+
 def test_a_bomb_without_an_index(tmp_path):
     """Chunks are not decompressed before their sizes are known."""
     path = by_mcap(tmp_path / 'x.mcap', [('/tf', S, bytes(BOMB))], index='NONE',
