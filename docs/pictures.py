@@ -12,35 +12,45 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 from time import monotonic
+from typing import Any
 
 os.environ.setdefault('ROS_DOMAIN_ID', '97')  # so that no other arm is in the pictures
 
 import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, FloatRect, Page, sync_playwright
 import pypdfium2
 import rclpy
 from rclpy.duration import Duration
 from rclpy.time import Time
 
 from dummy_arm.arm import Arm
-from puretf import Buffer, TransformListener
+from puretf import Buffer, SECOND, TransformListener
 
 DOCS = Path(__file__).parent
+sys.path.append(str(DOCS.parent / 'test' / 'support'))
+import bags  # noqa: E402
+
+robot_bags: Any = bags  # which has no types
+
 COMMANDS = Path(sys.executable).parent
 SECONDS = 30.0
 #: The motion repeats after this time (s): all speeds are multiples of 0.1 rad/s.
 PERIOD = tau / 0.1
 #: The animation shows one period in this many pictures, each for this time (ms).
 PICTURES, DURATION = 63, 100
+#: The parts of a page with the tree, and with the bar of a bag (pixels).
+LEFT, FOOT = (FloatRect(x=x, y=y, width=width, height=height) for x, y, width, height in (
+    (0, 0, 700, 420), (340, 585, 960, 210)))
 SOFTWARE = ('--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader')
 
 
 @contextmanager
-def running(command: str) -> Iterator['subprocess.Popen[str]']:
+def running(command: str, *arguments: str) -> Iterator['subprocess.Popen[str]']:
     """Run a command of the package until the end of the block."""
-    process = subprocess.Popen([COMMANDS / command], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([COMMANDS / command, *arguments], stdout=subprocess.PIPE,
+                               text=True)
     try:
         yield process
     finally:
@@ -75,11 +85,13 @@ def tree(browser: Browser, path: Path) -> None:
 
 def page_of_the_arm(browser: Browser, url: str) -> None:
     """Take screenshots of the page, with four of its tabs."""
-    page = open_page(browser, url, 1200, 860)
+    page = open_page(browser, url, 1300, 800)
     page.screenshot(path=DOCS / 'web_view.png')
-    page.get_by_role('tab', name='Tree', exact=True).click()
+    page.get_by_role('button', name='joint_2').click()
+    page.get_by_role('button', name='hide', exact=True).click()
     page.wait_for_timeout(3e3)
-    page.screenshot(path=DOCS / 'web_tree.png')
+    page.screenshot(path=DOCS / 'web_tree.png', clip=LEFT)
+    page.get_by_role('button', name='show', exact=True).click()
     page.get_by_role('tab', name='Robot', exact=True).click()
     page.wait_for_timeout(3e3)
     page.screenshot(path=DOCS / 'web_robot.png')
@@ -92,6 +104,35 @@ def page_of_the_arm(browser: Browser, url: str) -> None:
     page.wait_for_timeout(2e3)
     page.screenshot(path=DOCS / 'web_pair.png')
     page.close()
+
+
+def page_of_a_bag(browser: Browser) -> None:
+    """Take screenshots of the page of a bag with a gap and a misspelt name."""
+    with TemporaryDirectory() as directory:
+        bag = robot_bags.make(Path(directory, 'bag'), 'mcap', faulty_walk())
+        with running('web_view', '--bag', str(bag)) as view:
+            assert view.stdout is not None
+            page = open_page(browser, view.stdout.readline().split()[-1], 1300, 800)
+            page.get_by_role('tab', name='Findings', exact=True).click()
+            page.get_by_role('button', name='gap: base_link').click()
+            page.wait_for_timeout(3e3)
+            page.screenshot(path=DOCS / 'web_findings.png')
+            page.screenshot(path=DOCS / 'web_bag.png', clip=FOOT)
+            page.close()
+
+
+def faulty_walk() -> Iterator[Any]:
+    """Yield the messages of a bag: a robot that drives, with faults."""
+    for topic, time, rows in robot_bags.walk(20, 20, 1_760_000_000 * SECOND):
+        seconds = time / SECOND - 1_760_000_000
+        if not 8 < seconds < 12:
+            yield topic, time, rows
+        if topic == '/tf':
+            stamp = rows[0].stamp_ns
+            yield topic, time, [
+                robot_bags.row(stamp, 'base_link', 'arm', (0.3, 0.0, 0.4, 0.0, 0.0, 0.0, 1.0))]
+            yield topic, time, [
+                robot_bags.row(stamp, 'base_lnk', 'laser', (0.1, 0.0, 0.4, 0.0, 0.0, 0.0, 1.0))]
 
 
 def open_page(browser: Browser, url: str, width: int, height: int) -> Page:
@@ -164,6 +205,7 @@ def main() -> None:
         output('tf_trajectory', 'map', 'end_effector', '--time', f'{SECONDS}',
                '-o', f'{DOCS}/trajectory.png')
         page_of_the_arm(browser, url)
+        page_of_a_bag(browser)
         animation(browser, url, DOCS / 'arm.gif')
         browser.close()
     rclpy.shutdown()
