@@ -52,7 +52,7 @@ setup(
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
                 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
         'robot': ['urdf-parser-py', 'xacro'],
-        'view': ['viser>=1.1.1,<1.2', 'trimesh>=4.6', 'websockets<17'],
+        'view': ['viser>=1.1.1,<1.2', 'pycollada', 'trimesh>=4.6', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'pygraphviz',
                 'pypdf', 'rosbags>=0.11.7,<0.12', 'ruamel.yaml', 'tqdm'],
         'bench': ['matplotlib', 'mcap', 'transform-tree==0.0.9; sys_platform == "linux"'],

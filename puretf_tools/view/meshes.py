@@ -141,7 +141,9 @@ def load(path: Path) -> Mesh:
                  if isinstance(scene.geometry[name], trimesh.Trimesh)]
         if sum(len(part.faces) for _, part in parts) > MAX_FACES:  # a part may be used often
             raise MeshError(f'it has more than {MAX_FACES} triangles: simplify it')
-        mesh = _joined(parts)
+        # assimp, which rviz2 uses, scales COLLADA by its unit; like it, ignore the up axis.
+        mesh = _joined([(_meters(part) @ matrix, part) for matrix, part in parts]
+                       if kind == '.dae' else parts)
     except MeshError:
         raise
     except ImportError as error:
@@ -154,6 +156,12 @@ def load(path: Path) -> Mesh:
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         raise MeshError('it has no triangles, or numbers that are not finite: export it again')
     return mesh
+
+
+def _meters(part: trimesh.Trimesh) -> NDArray[np.float64]:
+    """Return the (4, 4) matrix from the unit of a mesh to m."""
+    scale = trimesh.units.unit_conversion(part.units or 'meters', 'meters')
+    return np.diag([scale, scale, scale, 1.0])
 
 
 def _joined(parts: Sequence[tuple[NDArray[np.float64], trimesh.Trimesh]]) -> Mesh:

@@ -3,7 +3,10 @@
 from contextlib import ExitStack
 import os
 import struct
+import subprocess
+import sys
 
+from environment import DATA
 import numpy as np
 import pytest
 
@@ -485,14 +488,31 @@ def test_a_mesh_that_cannot_be_loaded(tmp_path, name, content, why):
     assert '\n' not in str(error.value)
 
 
-def test_a_collada_mesh_needs_pycollada(tmp_path, monkeypatch):
-    """The error names it."""
-    import trimesh
-    if 'dae' in trimesh.available_formats():
-        pytest.skip('pycollada is installed')
-    (tmp_path / 'a.dae').write_bytes(b'<COLLADA/>')
-    with pytest.raises(MeshError, match='pip install pycollada'):
-        load(tmp_path / 'a.dae')
+def test_a_collada_mesh_has_its_own_unit():
+    """The triangle is 100 mm large; assimp 5.2.5, which rviz2 uses, gives 0.1 m, too."""
+    mesh = load(DATA / 'robots' / 'triangle_mm.dae')
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), [0.1, 0.1, 0.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize('unit', ['', '<unit/>', '<unit name="meter"/>', '<unit meter="1"/>'])
+def test_the_unit_of_collada_is_the_metre(tmp_path, unit):
+    """COLLADA 1.4.1 says so, and the up axis is ignored."""
+    text = (DATA / 'robots' / 'triangle_mm.dae').read_text()
+    (tmp_path / 'a.dae').write_text(text.replace(
+        '<unit name="millimeter" meter="0.001"/>', unit).replace('Z_UP', 'X_UP'))
+    assert load(tmp_path / 'a.dae').vertices.max(axis=0).tolist() == [100, 100, 0]
+
+
+def test_without_pycollada_a_collada_mesh_names_it():
+    """The extra `view` brings it; on a desktop, it may be missing."""
+    code = (
+        'import sys\nsys.modules["collada"] = None\n'  # trimesh looks for its spec
+        'from pathlib import Path\nfrom puretf_tools.view.meshes import load, MeshError\n'
+        'try:\n    load(Path(sys.argv[1]))\nexcept MeshError as error:\n    print(error)\n')
+    done = subprocess.run([sys.executable, '-c', code, DATA / 'robots' / 'triangle_mm.dae'],
+                          text=True, timeout=60, capture_output=True, check=True)
+    assert done.stdout == (
+        '.dae files need pycollada: pip install pycollada, or convert it to .stl\n')
 
 
 def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
