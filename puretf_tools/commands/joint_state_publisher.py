@@ -1,21 +1,22 @@
 """The command `joint_state_publisher`: publish the positions of joints, set by sliders."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Optional
 
+from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.page_options import add_page_options, HOST
-from puretf_tools.cli.parser import Parser, run
-from puretf_tools.robot.description import parse, read
+from puretf_tools.cli.parser import Parser
+from puretf_tools.robot import parse, read
 from puretf_tools.robot.descriptions import TOPIC
 
 
-def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = None,
-            meshes: Sequence[str] = (), namespace: str = '', *, ros_args: Sequence[str] = ()
-            ) -> int:
+def command(file: Optional[str] = None, arguments: Mapping[str, str] = {},
+            host: str = HOST, port: Optional[int] = None, meshes: Sequence[str] = (),
+            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
     """Publish the joints of a file, or of the topic robot_description, until a signal."""
-    description = None if file is None else parse(read(file))
+    description = None if file is None else parse(read(file, arguments))
     from puretf_tools.robot.joint_senders import JointStatePublisher
     from puretf_tools.view.feed import LiveFeed
     from puretf_tools.view.server import serve
@@ -38,8 +39,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '  rate          rate of the messages (Hz; 0.1 to 1000; default 10)\n'
         '  use_sim_time  take the time from /clock (default false)\n\n'
         'examples: joint_state_publisher\n          joint_state_publisher my_robot.urdf')
-    parser.add_argument('file', nargs='?', help='a URDF file, or a .xacro file if xacro is '
-                        'installed (default: the description on robot_description)')
     add_page_options(parser)
     add_namespace_option(parser, 'use', 'tf', 'tf_static', 'joint_states', 'robot_description')
-    return run(parser, command, args)
+    return run_with_file(parser, command, args, 'the description on robot_description')

@@ -1,19 +1,20 @@
 """The command `robot_state_publisher`: publish the transforms of a robot that URDF describes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Optional
 
+from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import Parser, run, UsageError
+from puretf_tools.cli.parser import Parser, UsageError
 from puretf_tools.robot import read
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 
-def command(file: Optional[str] = None, namespace: str = '', *, ros_args: Sequence[str] = ()
-            ) -> int:
+def command(file: Optional[str] = None, arguments: Mapping[str, str] = {},
+            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
     """Publish the robot of a file, or of the parameter robot_description, until a signal."""
-    text = '' if file is None else read(file)
+    text = '' if file is None else read(file, arguments)
 
     def make_node() -> RobotStatePublisher:
         try:
@@ -36,8 +37,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '  frame_prefix       prefix of every frame name, such as robot1/\n'
         '  ignore_timestamp   answer to every message on joint_states (default false)\n'
         '  use_sim_time       take the time from /clock (default false)\n\n'
-        'example: robot_state_publisher my_robot.urdf --ros-args -p publish_frequency:=50')
-    parser.add_argument('file', nargs='?',
-                        help='a URDF file, or a .xacro file if xacro is installed')
+        'examples: robot_state_publisher my_robot.urdf --ros-args -p publish_frequency:=50\n'
+        '          robot_state_publisher my_robot.urdf.xacro length:=0.5')
     add_namespace_option(parser, 'use', 'tf', 'tf_static', 'joint_states', 'robot_description')
-    return run(parser, command, args)
+    return run_with_file(parser, command, args)

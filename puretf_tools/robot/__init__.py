@@ -6,12 +6,11 @@ The node that publishes their transforms is in `puretf_tools.robot.state_publish
 
 from puretf_tools.robot.description import (
     Description,
-    DescriptionError,
     Joint,
     Mimic,
     parse,
-    read,
     Shape,
 )
+from puretf_tools.robot.urdf_text import DescriptionError, read
 
 __all__ = ['Description', 'DescriptionError', 'Joint', 'Mimic', 'Shape', 'parse', 'read']

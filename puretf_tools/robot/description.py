@@ -1,21 +1,23 @@
-"""The description of a robot, read from URDF or xacro; needs no ROS."""
+"""The description of a robot, parsed from URDF; needs no ROS."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import hypot, isfinite
-import os
-from pathlib import Path
 import re
-import shlex
 from threading import Lock
-from typing import Any, NamedTuple, NoReturn, Optional, Union
+from typing import Any, NamedTuple, Optional
 from xml.etree import ElementTree
-from xml.parsers import expat
 
-from puretf import abbreviated, comma_list, quoted, suggest_names, visible
+from puretf import abbreviated, comma_list, quoted, suggest_names
 from puretf.rotations import conjugate, multiply, quaternion_about_axis, quaternion_from_euler
-from puretf_tools.cli.errors import UsageError
 from puretf_tools.inspection.forest import descend
+from puretf_tools.robot.urdf_text import (
+    BLANKS,
+    DescriptionError,
+    IS_XACRO,
+    refuse,
+    robot_element,
+)
 
 #: x, y, z (m) and the quaternion x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
@@ -25,18 +27,9 @@ Rgba = tuple[float, float, float, float]
 #: The types of joints.
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed', 'planar', 'floating')
 MOVABLE = ('revolute', 'continuous', 'prismatic')
-#: The longest text that is parsed (characters or bytes).
-MAX_SIZE = 10_000_000
-
 _NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
 #: The longest number (characters), and the largest number of shapes that are read.
 _LONGEST_NUMBER, _MOST_SHAPES = 100, 10_000
-#: So much of a text is parsed at a time (characters).
-_PIECE = 1_000_000
-_BEFORE_DOCTYPE = re.compile(r'[\s\ufeff]+|<\?.*?\?>|<!--.*?-->', re.DOTALL)
-#: As much of a text shows what it is, if it is not URDF (characters).
-_LONGEST_BEGIN = 1000
-_BLANKS = ' \t\r\n'
 _VECTORS = ('xyz', 'rpy', 'size', 'scale')
 #: The attributes that are numbers, by element.
 _NUMERIC = {
@@ -47,29 +40,8 @@ _NUMERIC = {
     'sphere': ('radius',), 'mesh': ('scale',)}
 _PARSER_MISSING = ("urdf_parser_py is missing: pip install 'dummy-arm[robot]', or apt install "
                    'ros-jazzy-urdfdom-py')
-_XACRO_MISSING = ("xacro is missing: pip install 'dummy-arm[robot]', or apt install "
-                  'ros-jazzy-xacro')
-_IS_XACRO = 'it is xacro: put it into a file *.xacro'
-_TAKES_FILES = 'robot_state_publisher FILE takes a file, URDF or xacro'
-#: How texts begin that are not URDF, what they are, and the remedy.
-_NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, what in (
-    (r'$', f'is empty: {_TAKES_FILES}'),
-    (r'\$\([\w-]+[^<]*$', f'is {{begin}}, which nothing has expanded: {_TAKES_FILES}'),
-    (r'(%YAML|---\s|[\w/*]+:\s*\n|robot_description:)',
-     'is YAML: pass a file of parameters by --ros-args --params-file FILE'),
-    (r'[^<\n]{0,300}(/|\.(urdf|xacro|xml|sdf))[^<\n]{0,300}$',
-     'looks like a path, not like the text of a file: start robot_state_publisher {file}'),
-    (r'\[?<[\w.]+[^<>]* at 0x', 'is the repr of an object in Python, {begin}, not a text: '
-     + _TAKES_FILES),
-    (r'b[\'"]', 'is the repr of bytes in Python: decode() them, where str() was called'),
-    (r'[\'"]', 'is in quotes: leave out the quotes around it'),
-    (r'<(!doctype )?html', 'is HTML, a web page: download the file itself'))]
-#: Held while functions of urdf_parser_py or xacro, which are global, are replaced.
+#: Held while a function of urdf_parser_py, which is global, is replaced.
 _lock = Lock()
-
-
-class DescriptionError(UsageError):
-    """A description that is refused; the text is one line."""
 
 
 class Mimic(NamedTuple):
@@ -147,34 +119,13 @@ class Description(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def read(path: Union[str, os.PathLike[str]]) -> str:
-    """
-    Return the text of a URDF file, or of a .xacro file that is expanded by xacro.
-
-    :raises DescriptionError: if the file cannot be read or expanded.
-    """
-    try:
-        with Path(path).open('rb') as file:
-            if Path(path).suffix == '.xacro':
-                return _expand(path)
-            text = file.read(4 * MAX_SIZE + 1).decode()  # a character has up to 4 bytes
-            return text or _refuse(f'cannot read {os.fspath(path)}: it is empty')
-    except OSError as error:
-        hint = (': this is the text of a file; write its name'
-                if os.fspath(path).lstrip().startswith('<') else '')
-        _refuse(f'cannot read {abbreviated(os.fspath(path), 300)}: '
-                f'{error.strerror or error}{hint}')
-    except UnicodeDecodeError:
-        _refuse(f'cannot read {os.fspath(path)}: it is not text in UTF-8')
-
-
 def parse(text: str) -> Description:
     """
     Parse a URDF text, by the rules of urdfdom.
 
     :raises DescriptionError: if the text is not a valid description.
     """
-    robot = _robot(text)
+    robot = robot_element(text)
     links = _names(robot, 'link')
     _names(robot, 'joint')
     with _silent_parser() as urdf:
@@ -191,104 +142,18 @@ def parse(text: str) -> Description:
                        visuals, collisions, tuple(warnings))
 
 
-def _refuse(text: str) -> NoReturn:
-    raise DescriptionError(visible(' '.join(text.split()))) from None
-
-
-def _expand(path: Union[str, os.PathLike[str]]) -> str:
-    try:
-        import xacro
-    except ImportError:
-        _refuse(f'cannot read {os.fspath(path)}: {_XACRO_MISSING}')
-    parse_any = xacro.parse
-
-    def parse_checked(text: object, filename: Optional[str] = None) -> object:
-        if text is None and filename is not None:
-            with suppress(OSError):  # xacro reports it
-                text = Path(xacro.root_dir, filename).read_text()
-                _refuse_doctype(text, filename)
-        return parse_any(text, filename)
-
-    try:
-        with _lock:
-            xacro.parse = parse_checked  # it is called for each file that is included, too
-            try:
-                return str(xacro.process_file(os.fspath(path)).toxml())
-            finally:
-                xacro.parse = parse_any
-    except OSError:
-        raise
-    except Exception as error:  # a macro is a program: any error is possible
-        text = str(error) or type(error).__name__
-        if 'ament_index_python' in text or 'AMENT_PREFIX_PATH' in text:
-            text = ('$(find ...) needs ament_index_python and AMENT_PREFIX_PATH: source the setup '
-                    'file of a ROS installation, or write $(dirname) instead')
-        _refuse(f'xacro cannot expand {os.fspath(path)}: {abbreviated(text, 500)}')
-
-
-def _robot(text: str) -> ElementTree.Element:
-    """Parse the XML and check the element <robot> itself."""
-    if len(text) > MAX_SIZE:
-        _refuse(f'the robot description is too long: at most {MAX_SIZE} characters are allowed')
-    begin = text.lstrip('\ufeff' + _BLANKS)[:_LONGEST_BEGIN].rstrip(_BLANKS)
-    path = begin.removeprefix('file://')
-    for pattern, what in _NOT_URDF:
-        if pattern.match(begin):
-            _refuse('the robot description ' + what.format(
-                begin=quoted(begin), file='FILE' if '://' in path else shlex.quote(path)))
-    _refuse_doctype(text, 'the robot description')
-    try:
-        robot = _xml(text)
-    except (expat.ExpatError, UnicodeError) as error:
-        hint = (f'; {_IS_XACRO}' if '<xacro:' in text else
-                '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
-        _refuse(f'the robot description is not valid XML: {error}{hint}')
-    prefixes = ('xacro:', *(f'{name[6:]}:' for name, value in robot.attrib.items()
-                            if name.startswith('xmlns:') and value.endswith('/xacro')))
-    if any(element.tag.startswith(prefixes) for element in robot.iter()):
-        _refuse(f'the robot description has elements of xacro; {_IS_XACRO}')
-    if robot.tag != 'robot':
-        hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
-        _refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>{hint}')
-    if robot.get('name') is None:
-        _refuse('the robot has no name: write <robot name="...">')
-    if robot.get('version', '1.0') != '1.0':
-        _refuse(f'the version of the robot must be 1.0, got {quoted(robot.attrib["version"])}')
-    return robot
-
-
-def _refuse_doctype(text: str, what: str) -> None:
-    """Refuse what makes a short text long, by entities or default attributes, for any parser."""
-    at = 0
-    while part := _BEFORE_DOCTYPE.match(text, at):
-        at = part.end()
-    if text.startswith('<!DOCTYPE', at):
-        _refuse(f'{what} has a <!DOCTYPE, which is not allowed, since it can make a short text '
-                'endless: remove it, and write the text of each entity in its place')
-
-
-def _xml(text: str) -> ElementTree.Element:
-    """Parse XML without namespaces, like urdfdom: they would put their URI into each name."""
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
-    for begin in range(0, len(text), _PIECE):  # other threads run between two pieces
-        parser.Parse(text[begin:begin + _PIECE])
-    parser.Parse('', True)
-    return builder.close()
-
-
 def _names(robot: ElementTree.Element, tag: str) -> tuple[str, ...]:
     """Return the names of the links or joints; each must have one of its own."""
     names: dict[str, None] = {}
     for element in robot.findall(tag):
         name = element.get('name')
         if name is None:
-            _refuse(f'a {tag} has no name: write <{tag} name="...">')
+            refuse(f'a {tag} has no name: write <{tag} name="...">')
         if name in names:
-            _refuse(f'two {tag}s have the name {quoted(name)}: names must be unique')
+            refuse(f'two {tag}s have the name {quoted(name)}: names must be unique')
         names[name] = None
     if not names and tag == 'link':
-        _refuse('the robot has no link: write <link name="..."/>')
+        refuse('the robot has no link: write <link name="..."/>')
     return tuple(names)
 
 
@@ -299,7 +164,7 @@ def _silent_parser() -> Iterator[Any]:
         from urdf_parser_py import urdf
         from urdf_parser_py.xml_reflection import core
     except ImportError:
-        _refuse(f'cannot parse the robot description: {_PARSER_MISSING}')
+        refuse(f'cannot parse the robot description: {_PARSER_MISSING}')
     with _lock:
         before, core.on_error = core.on_error, lambda text: None
         try:
@@ -328,17 +193,17 @@ def _from_xml(kind: Any, element: ElementTree.Element, what: str) -> Any:
     try:
         return kind.from_xml(element, XmlPath(element.tag))
     except ParseError as error:
-        _refuse(f'{what}: {abbreviated(str(error.e), 300)} (in <{error.path.tag}>)')
+        refuse(f'{what}: {abbreviated(str(error.e), 300)} (in <{error.path.tag}>)')
     except Exception as error:  # it also raises AssertionError, AttributeError, ...
-        _refuse(f'{what}: {abbreviated(str(error), 300)}')
+        refuse(f'{what}: {abbreviated(str(error), 300)}')
 
 
 def _check_numbers(value: str, is_vector: bool, what: str) -> None:
-    texts = re.split(f'[{_BLANKS}]+', value.strip(_BLANKS))
+    texts = re.split(f'[{BLANKS}]+', value.strip(BLANKS))
     if len(texts) != (3 if is_vector else 1) or not all(map(_is_number, texts)):
         needed = 'three numbers with blanks between them' if is_vector else 'a number'
-        _refuse(f'{what} must be {needed}, got {quoted(value)}' + (
-            f'; {_IS_XACRO}' if '${' in value else ''))
+        refuse(f'{what} must be {needed}, got {quoted(value)}' + (
+            f'; {IS_XACRO}' if '${' in value else ''))
 
 
 def _is_number(text: str) -> bool:
@@ -350,26 +215,26 @@ def _joint(element: ElementTree.Element, urdf: Any) -> Joint:
     name, kind = element.attrib['name'], element.get('type')
     what = f'joint {quoted(name)}'
     if kind not in KINDS:
-        _refuse(f'{what}: the type must be one of {", ".join(KINDS)}, got {kind!r:.100}')
+        refuse(f'{what}: the type must be one of {", ".join(KINDS)}, got {kind!r:.100}')
     for tag in 'parent', 'child':
         link = element.find(tag)
         if link is None or not link.get('link'):
-            _refuse(f'{what} has no {tag}: write <{tag} link="..."/>')
+            refuse(f'{what} has no {tag}: write <{tag} link="..."/>')
     if kind in ('revolute', 'prismatic') and element.find('limit') is None:
-        _refuse(f'{what} has no limit: a {kind} joint needs <limit lower="..." upper="..." '
+        refuse(f'{what} has no limit: a {kind} joint needs <limit lower="..." upper="..." '
                 'effort="..." velocity="..."/>')
     axis_element, dynamics = element.find('axis'), element.find('dynamics')
     if axis_element is not None and kind in ('fixed', 'floating'):
         element.remove(axis_element)
     elif axis_element is not None and axis_element.get('xyz') is None:
-        _refuse(f'{what}: the axis has no xyz: write <axis xyz="0 0 1"/>')
+        refuse(f'{what}: the axis has no xyz: write <axis xyz="0 0 1"/>')
     if dynamics is not None and not {'damping', 'friction'} & dynamics.attrib.keys():
-        _refuse(f'{what}: <dynamics> needs damping or friction')
+        refuse(f'{what}: <dynamics> needs damping or friction')
     joint = _from_xml(urdf.Joint, element, what)
     axis = joint.axis or (1.0, 0.0, 0.0)
     length = hypot(*axis)
     if length == 0.0 or not isfinite(length):
-        _refuse(f'{what}: the axis must have a finite length that is not 0, got '
+        refuse(f'{what}: the axis must have a finite length that is not 0, got '
                 f'{" ".join(map(str, axis))}: write for example <axis xyz="0 0 1"/>')
     return Joint(
         name, kind, joint.parent, joint.child, _origin(joint.origin),
@@ -412,11 +277,11 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
     for joint in sorted(joints, key=lambda joint: joint.name):
         for role, link in ('parent', joint.parent), ('child', joint.child):
             if link not in known:
-                _refuse(f'joint {quoted(joint.name)}: the {role} {quoted(link)} is not a link of '
+                refuse(f'joint {quoted(joint.name)}: the {role} {quoted(link)} is not a link of '
                         'the robot: write <link name="..."/>, or correct the name. '
                         f'{suggest_names(link, tuple(links), "links")}')
         if joint.parent == joint.child:
-            _refuse(f'joint {quoted(joint.name)} connects the link {quoted(joint.child)} with '
+            refuse(f'joint {quoted(joint.name)} connects the link {quoted(joint.child)} with '
                     'itself: parent and child must differ')
         if joint.child in parents:  # urdfdom takes the last one
             warnings.append(f'the link {quoted(joint.child)} has two parents: joint '
@@ -424,12 +289,12 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
         parents[joint.child] = joint
     roots = [link for link in links if link not in parents]
     if not roots:
-        _refuse('the robot has no root: each link is the child of a joint, so joints form a loop')
+        refuse('the robot has no root: each link is the child of a joint, so joints form a loop')
     if len(roots) > 1:
-        _refuse(f'the robot has {len(roots)} roots, {comma_list(roots, 5, quoted)}: connect them '
+        refuse(f'the robot has {len(roots)} roots, {comma_list(roots, 5, quoted)}: connect them '
                 'by joints to one tree')
     if loop := sorted(known - descend(parents, {roots[0]: None}, lambda *_: None).keys()):
-        _refuse(f'joints form a loop, so that these links are not below the root '
+        refuse(f'joints form a loop, so that these links are not below the root '
                 f'{quoted(roots[0])}: {comma_list(loop, 5, quoted)}')
     return roots[0], parents
 
@@ -461,7 +326,7 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
 def _shape(element: ElementTree.Element, link: str, urdf: Any, rgba: Optional[Rgba]) -> Shape:
     geometry = element.find('geometry')
     if geometry is None or len(geometry) != 1:
-        _refuse('<geometry> must contain one of <box>, <cylinder>, <sphere>, <mesh>')
+        refuse('<geometry> must contain one of <box>, <cylinder>, <sphere>, <mesh>')
     kind = geometry[0].tag
     shape = _from_xml(urdf.Visual if element.tag == 'visual' else urdf.Collision, element, kind)
     body = shape.geometry

@@ -2,7 +2,8 @@
 
 from typing import Union
 
-from puretf_tools.robot.description import Description, DescriptionError, parse
+from puretf_tools.robot.description import Description, parse
+from puretf_tools.robot.urdf_text import DescriptionError
 
 #: The last part of the names of the topics.
 TOPIC = 'robot_description'

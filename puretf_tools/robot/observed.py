@@ -6,9 +6,9 @@ from typing import Any
 
 from puretf.bag import BagMessage
 from puretf_tools.inspection.robots import joint_states_of, Robot
-from puretf_tools.robot.description import MAX_SIZE
 from puretf_tools.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
 from puretf_tools.robot.joint_positions import JointPositions
+from puretf_tools.robot.urdf_text import MAX_SIZE
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 #: The largest number of topics with joint states, of names of joints that are kept of a topic,

@@ -27,8 +27,9 @@ from puretf import (
     TransformBroadcaster,
 )
 from puretf.publisher_listener import node_of
-from puretf_tools.robot.description import Description, DescriptionError, parse
+from puretf_tools.robot.description import Description, parse
 from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
+from puretf_tools.robot.urdf_text import DescriptionError
 
 #: The time (s) after which joints without a position are named.
 PATIENCE = 5.0

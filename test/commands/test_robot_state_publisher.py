@@ -2,11 +2,13 @@
 
 from functools import partial
 import json
+import re
 import shlex
 import threading
 from typing import Any
 
 from cli_runner import call, once
+from environment import DATA
 from processes import TIMEOUT, tool
 import pytest
 from rcl_interfaces.msg import Log
@@ -21,8 +23,8 @@ from std_msgs.msg import String
 from puretf import TFMessage
 from puretf_tools.commands.robot_state_publisher import main
 from puretf_tools.robot import description, state_publisher
-from puretf_tools.robot.description import DescriptionError
 from puretf_tools.robot.state_publisher import RobotStatePublisher
+from puretf_tools.robot.urdf_text import DescriptionError
 
 pytest.importorskip('urdf_parser_py')
 
@@ -334,3 +336,27 @@ def test_a_process_publishes_until_a_signal(ros, start, file):
     ros.until(is_answered)
     assert_equal(transforms_of(peer.tf[-1]), answer(case, 1))
     process.end_normally()
+
+
+@pytest.mark.parametrize('options', [[], ['--namespace', 'left', 'unused:=1'], [
+    '--ros-args', '-p', 'publish_frequency:=50.0']])
+def test_arguments_of_xacro(domain_id, options):
+    """They come after the file, as those of the command xacro; the error has this form."""
+    pytest.importorskip('xacro')
+    file = str(DATA / 'robots' / 'arg.urdf.xacro')
+    code, output, error = call(main, file, *options, domain=domain_id)
+    assert (code, output, error.count('\n')) == (2, '', 1)
+    given, = re.findall(r'; write (.*):=VALUE\n', error)
+    assert call(main, *f'{given}:=ur5e'.split(), *options, domain=domain_id,
+                until=lambda text: 'Robot initialized' in text).code == 0
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['a:=b'], 'a:=... is an argument of a .xacro file: write the name of the file before it'),
+    ([str(DATA / 'robots' / 'geometry_two.urdf'), 'joint_states:=/b'],
+     'or write --ros-args -r joint_states:=... if it remaps a name')])
+def test_arguments_without_a_file_of_xacro(domain_id, arguments, message):
+    """They are refused: rcl would take them for remappings, with a warning."""
+    code, output, error = call(main, *arguments, domain=domain_id)
+    assert (code, output, error.count('\n')) == (2, '', 1)
+    assert message in error

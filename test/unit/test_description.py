@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from transforms3d import affines, axangles, euler
 
-from puretf_tools.robot.description import DescriptionError, MAX_SIZE, Mimic, parse, read
+from puretf_tools.robot.description import Mimic, parse
+from puretf_tools.robot.urdf_text import DescriptionError, MAX_SIZE, read
 
 pytest.importorskip('urdf_parser_py')
 
@@ -381,7 +382,7 @@ def test_bad_input_is_one_clear_error(name):
 def test_bad_input_is_refused_without_assertions():
     """`python -O` removes the assertions with which urdf_parser_py checks."""
     texts = [text for name, (text, _) in BAD.items() if name in ('two numbers', 'type')]
-    code = ('import sys\nfrom puretf_tools.robot.description import DescriptionError, parse\n'
+    code = ('import sys\nfrom puretf_tools.robot import DescriptionError, parse\n'
             'for text in sys.argv[1:]:\n    try:\n        parse(text)\n'
             '    except DescriptionError:\n        print("refused")\n')
     done = subprocess.run([sys.executable, '-O', '-c', code, *texts], text=True, timeout=60,
@@ -462,7 +463,7 @@ def test_a_text_in_place_of_its_file():
 @pytest.mark.parametrize(('module', 'call', 'remedy'), [
     ('urdf_parser_py', 'parse(sys.argv[1])', 'apt install ros-jazzy-urdfdom-py'),
     ('xacro', 'read(sys.argv[2])', 'apt install ros-jazzy-xacro'),
-    ('ament_index_python', 'read(sys.argv[2])', 'write [$]\\(dirname\\) instead')])
+    ('ament_index_python', 'read(sys.argv[2])', 'write a path relative to the file.*')])
 def test_a_missing_package_is_named(tmp_path, module, call, remedy):
     """The error says how to install it, or what to write instead."""
     if module != 'urdf_parser_py':
@@ -470,7 +471,7 @@ def test_a_missing_package_is_named(tmp_path, module, call, remedy):
     file = tmp_path / 'r.xacro'
     file.write_text(XACRO.replace('"r"', '"$(find nothing)"'))
     code = code_without([module]) + (
-        'from puretf_tools.robot.description import DescriptionError, parse, read\n'
+        'from puretf_tools.robot import DescriptionError, parse, read\n'
         f'try:\n    {call}\nexcept DescriptionError as error:\n    print(error)\n')
     done = subprocess.run([sys.executable, '-c', code, ARM, os.fspath(file)], text=True,
                           timeout=60, capture_output=True, check=True)

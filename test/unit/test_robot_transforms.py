@@ -17,8 +17,7 @@ from recorded_robots import (
     ZERO_AXES,
 )
 
-from puretf_tools.robot import robot_transforms
-from puretf_tools.robot.description import Description, DescriptionError, parse
+from puretf_tools.robot import Description, DescriptionError, parse, robot_transforms
 from puretf_tools.robot.robot_transforms import RobotTransforms
 
 pytest.importorskip('urdf_parser_py')

@@ -1,0 +1,176 @@
+"""The text of a description: from a file, expanded by xacro, and as a tree of XML elements."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+import os
+from pathlib import Path
+import re
+import shlex
+from threading import Lock
+from typing import NoReturn, Optional, Union
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from puretf import abbreviated, quoted, visible
+from puretf_tools.cli.errors import UsageError
+
+#: The longest text that is parsed (characters or bytes).
+MAX_SIZE = 10_000_000
+BLANKS = ' \t\r\n'
+IS_XACRO = 'it is xacro: put it into a file *.xacro'
+
+#: So much of a text is parsed at a time (characters).
+_PIECE = 1_000_000
+#: Comments, CDATA and instructions: urdfdom accepts -- in a comment, and a declaration after
+#: blanks.
+_NO_ELEMENT = re.compile(
+    r'<!--.*?(?:-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)|<\?.*?(?:\?>|\Z)', re.DOTALL)
+#: As much of a text shows what it is, if it is not URDF (characters).
+_LONGEST_BEGIN = 1000
+_XACRO_MISSING = ("xacro is missing: pip install 'dummy-arm[robot]', or apt install "
+                  'ros-jazzy-xacro')
+_TAKES_FILES = 'robot_state_publisher FILE takes a file, URDF or xacro'
+#: How texts begin that are not URDF, what they are, and the remedy.
+_NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, what in (
+    (r'$', f'is empty: {_TAKES_FILES}'),
+    (r'\$\([\w-]+[^<]*$', f'is {{begin}}, which nothing has expanded: {_TAKES_FILES}'),
+    (r'(%YAML|---\s|[\w/*]+:\s*\n|robot_description:)',
+     'is YAML: pass a file of parameters by --ros-args --params-file FILE'),
+    (r'[^<\n]{0,300}(/|\.(urdf|xacro|xml|sdf))[^<\n]{0,300}$',
+     'looks like a path, not like the text of a file: start robot_state_publisher {file}'),
+    (r'\[?<[\w.]+[^<>]* at 0x', 'is the repr of an object in Python, {begin}, not a text: '
+     + _TAKES_FILES),
+    (r'b[\'"]', 'is the repr of bytes in Python: decode() them, where str() was called'),
+    (r'[\'"]', 'is in quotes: leave out the quotes around it'),
+    (r'<(!doctype )?html', 'is HTML, a web page: download the file itself'))]
+#: What follows an error of xacro, by its text.
+_XACRO_HINTS = {
+    r'\$\(dirname\)': "; leave out '$(dirname)/': names are relative to the file",
+    r'Undefined substitution argument (\w+)': r'; write {file} \1:=VALUE',
+    r'package .* not found': '; install it, source the setup file of its workspace, or write a '
+                             'path relative to the file',
+    'ament_index_python|AMENT_PREFIX_PATH':
+        '; for $(find PACKAGE), source the setup file of a ROS installation, or write a path '
+        'relative to the file in its place'}
+#: Held while a function of xacro, which is global, is replaced.
+_lock = Lock()
+
+
+class DescriptionError(UsageError):
+    """A description that is refused; the text is one line."""
+
+
+def read(path: Union[str, os.PathLike[str]], arguments: Mapping[str, str] = {}) -> str:
+    """
+    Return the text of a URDF file, expanded by xacro if it is a .xacro file.
+
+    :param arguments: the values of the arguments of a .xacro file.
+    :raises DescriptionError: if the file cannot be read or expanded.
+    """
+    name = os.fspath(path)
+    try:
+        with Path(path).open('rb') as file:
+            text = file.read(4 * MAX_SIZE + 1).decode()  # a character has up to 4 bytes
+    except OSError as error:
+        hint = ': this is the text of a file; write its name' * name.lstrip().startswith('<')
+        refuse(f'cannot read {abbreviated(name, 300)}: {error.strerror or error}{hint}')
+    except UnicodeDecodeError:
+        refuse(f'cannot read {name}: it is not text in UTF-8')
+    if Path(path).suffix == '.xacro':
+        return _expand(name, arguments)
+    if arguments:
+        refuse(f'{name} has no arguments, since it is not a file *.xacro: leave out '
+               f'{(first := next(iter(arguments)))}:=..., or write --ros-args -r {first}:=... if '
+               'it remaps a name')
+    return text or refuse(f'cannot read {name}: it is empty')
+
+
+def refuse(text: str) -> NoReturn:
+    raise DescriptionError(visible(' '.join(text.split()))) from None
+
+
+def _expand(path: str, arguments: Mapping[str, str]) -> str:
+    try:
+        import xacro
+    except ImportError:
+        refuse(f'cannot read {path}: {_XACRO_MISSING}')
+    parse_any = xacro.parse
+
+    def parse_checked(text: Optional[str], filename: str) -> object:
+        with suppress(OSError):  # xacro reports it
+            text = _source(Path(xacro.root_dir, filename).read_text('utf-8'), filename)
+        return parse_any(text, filename)
+
+    with _lock:
+        xacro.parse = parse_checked  # it is called for each file that is included, too
+        try:
+            return str(xacro.process_file(path, mappings={**arguments}).toxml())
+        except Exception as error:  # a macro is a program: any error is possible
+            text = str(error) or type(error).__name__
+            where = ', included from '.join(reversed(xacro.filestack)) or path
+            if xacro.macrostack:
+                macro = xacro.macrostack[-1]
+                where = (f'macro {macro.body.getAttribute("name")} of {macro.history[-1][-1]}, '
+                         f'used in {where}')
+        finally:
+            xacro.parse = parse_any
+    # xacro repeats the text of an error that is not its own.
+    text = re.sub(r"^<class '[\w.]+'>: (.*) \1$", r'\1', text, flags=re.DOTALL)
+    hint = next((found.expand(hint).format(file=shlex.quote(path))
+                 for pattern, hint in _XACRO_HINTS.items() if (found := re.search(pattern, text))),
+                '')
+    refuse(f'xacro cannot expand {where}: {abbreviated(text, 500)}{hint}')
+
+
+def robot_element(text: str) -> ElementTree.Element:
+    """Parse the XML and check the element <robot> itself."""
+    if len(text) > MAX_SIZE:
+        refuse(f'the robot description is too long: at most {MAX_SIZE} characters are allowed')
+    begin = text.lstrip('\ufeff' + BLANKS)[:_LONGEST_BEGIN].rstrip(BLANKS)
+    path = begin.removeprefix('file://')
+    for pattern, what in _NOT_URDF:
+        if pattern.match(begin):
+            refuse('the robot description ' + what.format(
+                begin=quoted(begin), file='FILE' if '://' in path else shlex.quote(path)))
+    try:
+        robot = _xml(_source(text, 'the robot description'))
+    except (expat.ExpatError, UnicodeError) as error:
+        hint = (f'; {IS_XACRO}' if '<xacro:' in text else
+                '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
+        refuse(f'the robot description is not valid XML: {error}{hint}')
+    prefixes = ('xacro:', *(f'{name[6:]}:' for name, value in robot.attrib.items()
+                            if name.startswith('xmlns:') and value.endswith('/xacro')))
+    if any(element.tag.startswith(prefixes) for element in robot.iter()):
+        refuse(f'the robot description has elements of xacro; {IS_XACRO}')
+    if robot.tag != 'robot':
+        hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
+        refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>{hint}')
+    if robot.get('name') is None:
+        refuse('the robot has no name: write <robot name="...">')
+    if robot.get('version', '1.0') != '1.0':
+        refuse(f'the version of the robot must be 1.0, got {quoted(robot.attrib["version"])}')
+    return robot
+
+
+def _source(text: str, what: str) -> str:
+    """
+    Return a text with its elements only, in the same lines.
+
+    Refuse what makes a short text long, by entities or default attributes, for any parser.
+    """
+    # The blank keeps what stands before and behind from becoming a comment together.
+    text = _NO_ELEMENT.sub(lambda found: ' ' + '\n' * found[0].count('\n'), text)
+    if text.lstrip('\ufeff' + BLANKS).startswith('<!DOCTYPE'):
+        refuse(f'{what} has a <!DOCTYPE, which is not allowed, since it can make a short text '
+               'endless: remove it, and write the text of each entity in its place')
+    return text.lstrip('\ufeff')
+
+
+def _xml(text: str) -> ElementTree.Element:
+    """Parse XML without namespaces, like urdfdom: they would put their URI into each name."""
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    for begin in range(0, len(text), _PIECE):  # other threads run between two pieces
+        parser.Parse(text[begin:begin + _PIECE])
+    parser.Parse('', True)
+    return builder.close()

@@ -1,0 +1,102 @@
+"""Descriptions from files and xacro: what is read, and remedies that work."""
+
+import re
+import shutil
+
+from environment import DATA
+import pytest
+
+from puretf_tools.robot import DescriptionError, parse, read
+
+ROBOTS = DATA / 'robots'
+
+
+@pytest.fixture
+def robots(tmp_path, monkeypatch):
+    """A directory with copies of the descriptions, without a ROS environment."""
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    return shutil.copytree(ROBOTS, tmp_path / 'robots')
+
+
+def refused(path, *arguments):
+    """Return the error of a file."""
+    with pytest.raises(DescriptionError) as caught:
+        read(path, *arguments)
+    assert str(caught.value).isprintable()
+    return str(caught.value)
+
+
+def test_dirname_is_left_out(robots):
+    """Xacro 2.1.1 does not know it; the remedy is executed."""
+    pytest.importorskip('xacro')
+    file = robots / 'top.urdf.xacro'
+    error = refused(file)
+    assert 'Cannot substitute $(dirname)' in error
+    left_out, = re.findall(r"leave out '(.*)': names are relative to the file$", error)
+    file.write_text(file.read_text().replace(left_out, ''))
+    assert '<link name="wheel"/>' in read(file)
+
+
+def test_a_file_that_is_included_is_named(robots):
+    """The error is in it, not in the outermost file."""
+    pytest.importorskip('xacro')
+    assert refused(robots / 'top_bad.urdf.xacro') == (
+        f"xacro cannot expand {robots}/part_bad.xacro, included from {robots}/top_bad.urdf.xacro: "
+        "name 'side' is not defined when evaluating expression 'side'")
+
+
+def test_a_macro_of_another_file_is_named(robots):
+    """Xacro has left the file that defines it when it is used."""
+    pytest.importorskip('xacro')
+    part = robots / 'part_bad.xacro'
+    part.write_text(part.read_text().replace('<link', '<xacro:macro name="wheel"><link').replace(
+        '</robot>', '</xacro:macro></robot>'))
+    top = robots / 'top_bad.urdf.xacro'
+    top.write_text(top.read_text().replace('<link name="base"/>', '<xacro:wheel/>'))
+    assert refused(top).startswith(
+        f"xacro cannot expand macro wheel of {part}, used in {top}: name 'side' is not defined")
+
+
+def test_an_argument_of_xacro(robots):
+    """A missing one is named, with the form that the commands take."""
+    pytest.importorskip('xacro')
+    file = robots / 'arg.urdf.xacro'
+    assert refused(file).endswith(
+        f'Undefined substitution argument arm_type; write {file} arm_type:=VALUE')
+    assert parse(read(file, {'arm_type': 'ur5e'})).links == ('ur5e_base',)
+
+
+def test_a_urdf_file_has_no_arguments(robots):
+    """They would have no effect."""
+    assert 'has no arguments' in refused(robots / 'geometry_two.urdf', {'a': '1'})
+
+
+@pytest.mark.parametrize('prefix', ['', '/any/prefix'])
+def test_a_package_that_is_not_found(robots, monkeypatch, prefix):
+    """The package or the variable is named; a path relative to the file works everywhere."""
+    pytest.importorskip('xacro')
+    pytest.importorskip('ament_index_python')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', prefix)
+    file = robots / 'find.urdf.xacro'
+    error = refused(file)
+    assert ("package 'my_sensor_description' not found" if prefix else
+            "Environment variable 'AMENT_PREFIX_PATH' is not set") in error
+    assert 'or write a path relative to the file' in error
+    (robots / 'sensor').mkdir()
+    shutil.copy(robots / 'part.xacro', robots / 'sensor' / 'lidar.xacro')
+    file.write_text(file.read_text().replace(
+        '$(find my_sensor_description)/urdf/', '../robots/sensor/'))
+    assert '<link name="wheel"/>' in read(file)
+
+
+def test_a_package_that_is_installed(robots, monkeypatch):
+    """The remedy "source the setup file of its workspace" sets this variable."""
+    pytest.importorskip('xacro')
+    pytest.importorskip('ament_index_python')
+    index, share = 'share/ament_index/resource_index/packages', 'share/my_sensor_description/urdf'
+    for directory in index, share:
+        (robots / directory).mkdir(parents=True)
+    (robots / index / 'my_sensor_description').touch()
+    shutil.copy(robots / 'part.xacro', robots / share / 'lidar.xacro')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(robots))
+    assert '<link name="wheel"/>' in read(robots / 'find.urdf.xacro')
