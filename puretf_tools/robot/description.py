@@ -135,6 +135,9 @@ def parse(text: str) -> Description:
                     'a joint of the robot: correct the name. '
                     f'{suggest_names(joint.mimic.joint, tuple(known), "joints")}'
                     for joint in joints if joint.mimic and joint.mimic.joint not in known]
+        if ignored := sorted({each.tag for each in robot.iter() if each.tag.startswith('xacro:')}):
+            warnings.append(f'elements of xacro are ignored: {comma_list(ignored, 5)}; '
+                            'in a file *.xacro, xacro expands them, or says why it cannot')
         root, parents = _tree(links, joints, warnings)
         visuals, collisions = _shapes(robot, urdf, warnings)
     return Description(robot.get('name', ''), text, links,

@@ -64,6 +64,8 @@ def read(path: Union[str, os.PathLike[str]], arguments: Mapping[str, str] = {}) 
     """
     Return the text of a URDF file, expanded by xacro if it is a .xacro file.
 
+    Elements of xacro in another file are expanded if that is possible.
+
     :param arguments: the values of the arguments of a .xacro file.
     :raises DescriptionError: if the file cannot be read or expanded.
     """
@@ -78,6 +80,9 @@ def read(path: Union[str, os.PathLike[str]], arguments: Mapping[str, str] = {}) 
         refuse(f'cannot read {name}: it is not text in UTF-8')
     if Path(path).suffix == '.xacro':
         return _expand(name, arguments)
+    if '<xacro:' in _NO_ELEMENT.sub('', text):
+        with suppress(DescriptionError):  # then `parse` ignores them, like urdfdom
+            return _expand(name, arguments)
     if arguments:
         refuse(f'{name} has no arguments, since it is not a file *.xacro: leave out '
                f'{(first := next(iter(arguments)))}:=..., or write --ros-args -r {first}:=... if '
@@ -138,10 +143,6 @@ def robot_element(text: str) -> ElementTree.Element:
         hint = (f'; {IS_XACRO}' if '<xacro:' in text else
                 '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
         refuse(f'the robot description is not valid XML: {error}{hint}')
-    prefixes = ('xacro:', *(f'{name[6:]}:' for name, value in robot.attrib.items()
-                            if name.startswith('xmlns:') and value.endswith('/xacro')))
-    if any(element.tag.startswith(prefixes) for element in robot.iter()):
-        refuse(f'the robot description has elements of xacro; {IS_XACRO}')
     if robot.tag != 'robot':
         hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
         refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>{hint}')

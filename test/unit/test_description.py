@@ -214,15 +214,6 @@ BAD = {
     'a million digits': (robot(link('base'), link('arm'), joint(
         'j', 'fixed', 'base', 'arm', xyz=f'{"1" * 10**6}x 0 0')),
         'xyz of <origin> must be three numbers'),
-    'xacro elements': (
-        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="a" '
-        'value="1"/><link name="base"/></robot>',
-        'elements of xacro; it is xacro: put it into a file'),
-    'xacro without a namespace': ('<robot name="r"><xacro:macro/></robot>',
-                                  'elements of xacro; it is xacro: put it into a file'),
-    'xacro by another name': (
-        '<robot name="r" xmlns:x="http://ros.org/wiki/xacro"><x:property name="a" value="1"/>'
-        '<link name="a"/></robot>', 'elements of xacro'),
     'other element': ('<sdf/>', 'must be <robot>, got <sdf>'),
     'no name': ('<robot/>', 'the robot has no name'),
     'version': ('<robot name="r" version="2.0"/>', "must be 1.0, got '2.0'"),

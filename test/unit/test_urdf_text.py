@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 
 from environment import DATA
 import pytest
@@ -100,3 +101,41 @@ def test_a_package_that_is_installed(robots, monkeypatch):
     shutil.copy(robots / 'part.xacro', robots / share / 'lidar.xacro')
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(robots))
     assert '<link name="wheel"/>' in read(robots / 'find.urdf.xacro')
+
+
+@pytest.mark.parametrize('is_installed', [True, False])
+def test_a_leftover_of_xacro_is_ignored(robots, monkeypatch, is_installed):
+    """Urdfdom 4.0.1 does so, too. The remedy of the only warning says what is wrong."""
+    if not is_installed:
+        monkeypatch.setitem(sys.modules, 'xacro', None)
+    file = robots / 'leftover_xacro.urdf'
+    description = parse(read(file))
+    assert description.text == file.read_text()
+    assert description.links == ('base', 'head')
+    assert len(description.visuals) == 1
+    assert description.warnings == (
+        'elements of xacro are ignored: xacro:grey; in a file *.xacro, xacro expands them, or '
+        'says why it cannot',)
+    assert refused(file.rename(robots / 'leftover.xacro')).endswith(
+        'unknown macro name: xacro:grey' if is_installed else 'apt install ros-jazzy-xacro')
+
+
+def test_elements_of_xacro_in_any_file_are_expanded(robots):
+    """If that is possible; a comment has no elements."""
+    pytest.importorskip('xacro')
+    file = robots / 'leftover_xacro.urdf'
+    text = file.read_text().replace('<xacro:grey/>', '<!-- <xacro:if value="1"> -->')
+    file.write_text(text)
+    assert read(file) == text
+    file.write_text(text.replace('<link name="base"/>', (
+        '<xacro:property name="a" value="base"/><link name="${a}"/>')))
+    assert parse(read(file)).links == ('base', 'head')
+    assert not parse(read(file)).warnings
+
+
+def test_xacro_in_a_text_from_the_network_is_not_run():
+    """A macro is a program."""
+    description = parse('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+                        '<xacro:include filename="/etc/passwd"/><link name="a"/></robot>')
+    assert description.links == ('a',)
+    assert len(description.warnings) == 1
