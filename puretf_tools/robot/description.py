@@ -128,6 +128,7 @@ def parse(text: str) -> Description:
     robot = robot_element(text)
     links = _names(robot, 'link')
     _names(robot, 'joint')
+    _names(robot, 'material')
     with _silent_parser() as urdf:
         joints = [_joint(element, urdf) for element in robot.findall('joint')]
         known = dict.fromkeys(joint.name for joint in joints)
@@ -149,7 +150,7 @@ def _names(robot: ElementTree.Element, tag: str) -> tuple[str, ...]:
     """Return the names of the links or joints; each must have one of its own."""
     names: dict[str, None] = {}
     for element in robot.findall(tag):
-        name = element.get('name')
+        name = element.get('name', '' if tag == 'material' else None)
         if name is None:
             refuse(f'a {tag} has no name: write <{tag} name="...">')
         if name in names:
@@ -305,8 +306,9 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
 def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
             ) -> tuple[tuple[Shape, ...], tuple[Shape, ...]]:
     """Return visuals and collisions; those that are not valid are left out, as by urdfdom."""
-    colors = {element.get('name', ''): color for element in robot.findall('material')
-              if (color := _color(element))}
+    colors: dict[str, Optional[Rgba]] = {
+        element.get('name', ''): color for element in robot.findall('material')
+        if (color := _color(element)) or element.find('texture') is not None}
     shapes: dict[str, list[Shape]] = {'visual': [], 'collision': []}
     elements = [(link.attrib['name'], element) for link in robot.findall('link')
                 for element in link if element.tag in shapes]
@@ -316,7 +318,7 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
             element.remove(material)
         rgba, problem = _rgba(material, colors)
         try:
-            shapes[element.tag].append(_shape(element, name, urdf, rgba))
+            shapes[element.tag].append(_shape(element, name, urdf, rgba, warnings))
         except DescriptionError as error:
             problem = f'a {element.tag} is left out: {error}'
         if problem:
@@ -326,11 +328,16 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
     return tuple(shapes['visual']), tuple(shapes['collision'])
 
 
-def _shape(element: ElementTree.Element, link: str, urdf: Any, rgba: Optional[Rgba]) -> Shape:
+def _shape(element: ElementTree.Element, link: str, urdf: Any, rgba: Optional[Rgba],
+           warnings: list[str]) -> Shape:
     geometry = element.find('geometry')
-    if geometry is None or len(geometry) != 1:
+    if geometry is None or not len(geometry):
         refuse('<geometry> must contain one of <box>, <cylinder>, <sphere>, <mesh>')
     kind = geometry[0].tag
+    if len(geometry) > 1:
+        warnings.append(f'link {quoted(link)}: <geometry> has more than <{abbreviated(kind)}>: '
+                        f'<{abbreviated(geometry[1].tag)}> is ignored')
+        del geometry[1:]
     shape = _from_xml(urdf.Visual if element.tag == 'visual' else urdf.Collision, element, kind)
     body = shape.geometry
     size = (body.size if kind == 'box' else (body.radius, body.length) if kind == 'cylinder' else
@@ -339,7 +346,7 @@ def _shape(element: ElementTree.Element, link: str, urdf: Any, rgba: Optional[Rg
                  rgba)
 
 
-def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Rgba]
+def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Optional[Rgba]]
           ) -> tuple[Optional[Rgba], str]:
     """Return the color of a shape, and why that of its material is ignored, or ''."""
     if material is None:
@@ -352,7 +359,7 @@ def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Rgba]
     if material.find('texture') is None:
         if material.find('color') is not None:
             problem = 'a color is ignored: rgba must be four numbers from 0 to 1'
-        elif not color:
+        elif name not in colors:
             problem = f'there is no material {quoted(name)} with a color'
     return color, problem
 

@@ -22,9 +22,9 @@ IS_XACRO = 'it is xacro: put it into a file *.xacro'
 #: So much of a text is parsed at a time (characters).
 _PIECE = 1_000_000
 #: Comments, CDATA and instructions: urdfdom accepts -- in a comment, and a declaration after
-#: blanks.
+#: blanks. A group matches what is not closed.
 _NO_ELEMENT = re.compile(
-    r'<!--.*?(?:-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)|<\?.*?(?:\?>|\Z)', re.DOTALL)
+    r'<!--(?:.*?-->|(.*))|<!\[CDATA\[(?:.*?\]\]>|(.*))|<\?(?:.*?\?>|(.*))', re.DOTALL)
 #: As much of a text shows what it is, if it is not URDF (characters).
 _LONGEST_BEGIN = 1000
 _XACRO_MISSING = ("xacro is missing: pip install 'dummy-arm[robot]', or apt install "
@@ -45,6 +45,9 @@ _NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, 
     (r'<(!doctype )?html', 'is HTML, a web page: download the file itself'))]
 #: What follows an error of xacro, by its text.
 _XACRO_HINTS = {
+    'declaration not at start': '; remove what stands before <?xml',
+    'not well-formed': '; if it is in a comment, remove -- from its text',
+    'unbound prefix': '; declare it in <robot>: xmlns:PREFIX="..."',
     r'\$\(dirname\)': "; leave out '$(dirname)/': names are relative to the file",
     r'Undefined substitution argument (\w+)': r'; write {file} \1:=VALUE',
     r'package .* not found': '; install it, source the setup file of its workspace, or write a '
@@ -103,7 +106,8 @@ def _expand(path: str, arguments: Mapping[str, str]) -> str:
 
     def parse_checked(text: Optional[str], filename: str) -> object:
         with suppress(OSError):  # xacro reports it
-            text = _source(Path(xacro.root_dir, filename).read_text('utf-8'), filename)
+            text = Path(xacro.root_dir, filename).read_text('utf-8')
+            _source(text, filename)  # refuses a document type
         return parse_any(text, filename)
 
     with _lock:
@@ -160,7 +164,8 @@ def _source(text: str, what: str) -> str:
     Refuse what makes a short text long, by entities or default attributes, for any parser.
     """
     # The blank keeps what stands before and behind from becoming a comment together.
-    text = _NO_ELEMENT.sub(lambda found: ' ' + '\n' * found[0].count('\n'), text)
+    text = _NO_ELEMENT.sub(lambda found: found[0] if found.lastindex else (
+        ' ' + '\n' * found[0].count('\n')), text)
     if text.lstrip('\ufeff' + BLANKS).startswith('<!DOCTYPE'):
         refuse(f'{what} has a <!DOCTYPE, which is not allowed, since it can make a short text '
                'endless: remove it, and write the text of each entity in its place')

@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from environment import code_without
+from environment import code_without, DATA
 from hypothesis import example, given
 from hypothesis import strategies as st
 from model import matrix
@@ -154,7 +154,7 @@ def test_shapes_and_their_colors():
     ('<torus/>', 'torus'), ('', '<geometry> must contain'),
     ('<box size="1 2"/>', "size of <box> must be three numbers .*, got '1 2'"),
     ('<box/>', 'size'), ('<cylinder radius="1"/>', 'length'), ('<sphere radius="nan"/>', "'nan'"),
-    ('<mesh/>', 'filename'), ('<box size="1 1 1"/><sphere radius="1"/>', 'one of')])
+    ('<mesh/>', 'filename')])
 def test_a_broken_shape_is_left_out(geometry, reason):
     """The robot is accepted, with a warning that names the link."""
     description = parse(robot(link('tip', f'<visual><geometry>{geometry}</geometry></visual>')))
@@ -204,6 +204,10 @@ BAD = {
     'SDF': ('<?xml version="1.0"?><sdf version="1.9"><model name="m"/></sdf>',
             'must be <robot>, got <sdf>, which is SDF'),
     'cut off': ('<robot name="r"><link', 'not valid XML: .*line 1'),
+    'comment not closed': (robot(link('a')) + '<!-- -- ', 'not valid XML: .*line 1'),
+    'instruction not closed': (robot(link('a')) + '<?a', 'not valid XML: .*line 1'),
+    'made of two comments': ('<!-<!-- -->- --><!DOCTYPE robot>' + robot(link('a')),
+                             'not valid XML'),
     'NUL': ('<robot name="r\0"/>', 'not valid XML'),
     'surrogate': ('<robot name="\udcff"/>', 'not valid XML'),
     **{name: (f'{text}<robot name="r"><link name="a"/></robot>', 'has a <!DOCTYPE.*: remove it')
@@ -233,6 +237,9 @@ BAD = {
     'link twice': (robot(links='aa'), "two links have the name 'a'"),
     'joint twice': (robot(joint('j', 'fixed', 'a', 'b'), joint('j', 'fixed', 'b', 'c'),
                           links='abc'), "two joints have the name 'j'"),
+    'material twice': ((DATA / 'robots' / 'two_materials.urdf').read_text(),
+                       "two materials have the name 'blue'"),  # as by urdfdom 4.0.1
+    'materials without a name': (robot('<material/><material/>', links='a'), "have the name ''"),
     'type': (tree(('j', 'ball', 'a', 'b')), "joint 'j': the type must be .*, got 'ball'"),
     'no limit': (tree(('j', 'revolute', 'a', 'b')).replace(LIMIT, ''),
                  "joint 'j' has no limit: a revolute joint needs <limit lower"),
@@ -330,6 +337,26 @@ def test_shapes_are_bounded_also_if_none_is_valid():
     assert found.warnings[-1] == 'only the first 10000 shapes are read'
 
 
+def test_the_first_child_of_a_geometry_is_the_shape():
+    """As in urdfdom 4.0.1; a warning names the other one."""
+    description = parse(read(DATA / 'robots' / 'geometry_two.urdf'))
+    assert [(shape.kind, shape.pose[:3]) for shape in description.visuals] == [
+        ('box', (0.0, 0.0, 0.0)), ('mesh', (0.0, 0.0, 0.0))]
+    assert description.warnings == (
+        "link 'a': <geometry> has more than <box>: <origin> is ignored",
+        "link 'a': <geometry> has more than <mesh>: <material> is ignored")
+
+
+def test_textures_are_no_colors():
+    """PR2 had ten lines for them; the page says nothing of those of a link, either."""
+    found = parse(robot(
+        '<material name="skin"><texture filename="skin.png"/></material>', link(
+            'a', 10 * '<visual><geometry><sphere radius="1"/></geometry>'
+                      '<material name="skin"/></visual>')))
+    assert {shape.rgba for shape in found.visuals} == {None}
+    assert not found.warnings
+
+
 @pytest.mark.parametrize(('material', 'warning'), [
     ('<material name="m"><color rgba="217 38 25 1"/></material>', 'rgba must be four numbers'),
     ('<material name="m"><color rgba="1 0 0"/></material>', 'rgba must be four numbers'),
@@ -390,6 +417,25 @@ def test_any_text_is_parsed_or_refused(insertion, begin, length):
     except DescriptionError as error:
         message = str(error)
     assert message.isprintable()
+
+
+@pytest.mark.parametrize('change', [
+    lambda text: (DATA / 'robots' / 'leading_newline.urdf').read_text(),
+    lambda text: f' \t\n<?xml version="1.0" encoding="UTF-16"?>{text}',
+    lambda text: f'<!-- a -- b --->{text}<!---->',
+    lambda text: text.replace('<link', '<gazebo:plugin gazebo:a="1"/><link')])
+def test_xml_that_tinyxml2_takes(change):
+    """So does urdfdom 4.0.1, which parses by it."""
+    description = parse(change(robot(link('a'))))
+    assert description.links == ('a',)
+    assert not description.warnings
+
+
+def test_the_line_of_an_error_is_that_of_the_text():
+    """Although comments are removed before it is parsed."""
+    with pytest.raises(DescriptionError, match='mismatched tag: line 6, column 2'):
+        parse('\n<?xml version="1.0"?>\n<!-- a\n-- b -->\n<robot name="r"><link name="a">\n'
+              '</robot>')
 
 
 def test_a_default_namespace_is_ignored():

@@ -139,3 +139,28 @@ def test_xacro_in_a_text_from_the_network_is_not_run():
                         '<xacro:include filename="/etc/passwd"/><link name="a"/></robot>')
     assert description.links == ('a',)
     assert len(description.warnings) == 1
+
+
+@pytest.mark.parametrize(('mistake', 'remedy', 'mended'), [
+    ('\n<?xml version="1.0"?>', 'remove what stands before <?xml', '<?xml version="1.0"?>'),
+    ('<!-- a -- b -->', 'remove -- from its text', '<!-- a  b -->')])
+def test_a_mistake_in_a_file_of_xacro(robots, mistake, remedy, mended):
+    """Xacro refuses what tinyxml2 overlooks; the error says what to change."""
+    pytest.importorskip('xacro')
+    file = robots / 'part.xacro'
+    text = file.read_text().partition('?>')[2]
+    file.write_text(mistake + text)
+    assert refused(file).endswith(remedy)
+    file.write_text(mended + text)
+    assert '<link name="wheel"/>' in read(file)
+
+
+def test_a_prefix_in_a_file_of_xacro(robots):
+    """Xacro refuses one without xmlns."""
+    pytest.importorskip('xacro')
+    file = robots / 'part.xacro'
+    text = file.read_text().replace('</robot>', '<gz:a/><![CDATA[<b>]]></robot>')
+    file.write_text(text)
+    remedy, = re.findall('; declare it in <robot>: (.*)', refused(file))
+    file.write_text(text.replace('<robot', '<robot ' + remedy.replace('PREFIX', 'gz')))
+    assert '<![CDATA[<b>]]>' in read(file)
