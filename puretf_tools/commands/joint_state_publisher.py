@@ -1,6 +1,8 @@
 """The command `joint_state_publisher`: publish the positions of joints, set by sliders."""
 
 from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
 from typing import Optional
 
 from puretf_tools.cli.description_file import run_with_file
@@ -16,7 +18,11 @@ def command(file: Optional[str] = None, arguments: Mapping[str, str] = {},
             host: str = HOST, port: Optional[int] = None, meshes: Sequence[str] = (),
             namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
     """Publish the joints of a file, or of the topic robot_description, until a signal."""
-    description = None if file is None else parse(read(file, arguments))
+    description = None
+    if file is not None:
+        description = parse(read(file, arguments))
+        # The names of meshes are often relative to the file, such as ../meshes/hand.stl.
+        meshes = [*meshes, *map(str, Path(os.path.abspath(file)).parents[:2])]
     from puretf_tools.robot.joint_senders import JointStatePublisher
     from puretf_tools.view.feed import LiveFeed
     from puretf_tools.view.server import serve

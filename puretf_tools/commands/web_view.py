@@ -5,6 +5,7 @@ from contextlib import suppress
 import json
 from math import ceil
 from pathlib import Path
+import sys
 from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from puretf_tools.view.export import Recording
 
 _EXPORTED_TIME = 10.0
+#: How many meshes that are not drawn in an export are named.
+_MOST_PROBLEMS = 10
 #: How long the thread that reads a bag may take to end (s).
 _LONGEST_END = 0.5
 
@@ -142,6 +145,10 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
     duration = recording.duration
     with progress(duration, desc='making the page', bar_format=BAR) as on_progress:
         page = recording.as_html(on_progress)
+    for problem in recording.problems[:_MOST_PROBLEMS]:
+        print(f'web_view: not drawn: {visible(problem)}', file=sys.stderr)
+    if (more := len(recording.problems) - _MOST_PROBLEMS) > 0:
+        print(f'web_view: not drawn: {more} more meshes', file=sys.stderr)
     with whole_file(path) as part:
         part.write_text(page, encoding='utf-8')
     print(f'wrote {visible(str(path))}: {duration:.1f} s')

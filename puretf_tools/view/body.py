@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 import viser
 
+from puretf import comma_list, visible
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description, Rgba, Shape
 from puretf_tools.robot.descriptions import DescriptionOrWhy
@@ -63,6 +64,7 @@ class _Robot:
         #: By a line for each mesh that cannot be drawn: ' of package …' or '' if its file is
         #: missing, else None.
         self.problems: dict[str, Optional[str]] = {}
+        self.not_drawn: dict[str, None] = {}  # the names of the files of these meshes
         self.sign: Optional[viser.LabelHandle] = None  # at the first body that is missing
         self.triangles = 0  # of the meshes that are drawn
         self.parts = [*_parts(description.visuals, False), *_parts(description.collisions, True)]
@@ -91,6 +93,7 @@ class Body:
 
     #: The largest number of shapes that one call of `show` adds, so that viewers do not wait.
     at_a_time = 100
+    names_meshes = False  #: whether the sign names the meshes, since there is no panel
 
     def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object],
                  put: Callable[..., object]) -> None:
@@ -184,7 +187,8 @@ class Body:
             return False
         if robot.sign is None:
             robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
-        robot.sign.text = f'{_meshes(new)} not drawn: see the tab Robot'
+        names = comma_list([*robot.not_drawn], 3) if self.names_meshes else 'see the tab Robot'
+        robot.sign.text = f'{_meshes(new)} not drawn: {names}'
         return True
 
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
@@ -202,10 +206,11 @@ class Body:
                 mesh = MeshError(
                     f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes')
         if isinstance(mesh, MeshError):
-            scheme, _, name = shape.file.partition('://')
+            scheme, _, name = shape.file.rpartition('://')
             package = f' of package {name.partition("/")[0]}' * (scheme == 'package')
             robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = (
                 package if isinstance(mesh, MissingMesh) else None)
+            robot.not_drawn[visible(name.rpartition('/')[2])] = None
             kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
         red, green, blue, alpha = _COLLISION if part.is_collision else rgba
         x, y, z, w = shape.pose[3:]

@@ -34,6 +34,7 @@ class Recording:
         self._feed, self._meshes = feed, Meshes(meshes)
         self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
         self.moments: list[_Moment] = []
+        self.problems: Sequence[str] = ()  #: of the page: a line for each mesh that is not drawn
 
     @property
     def duration(self) -> float:
@@ -65,7 +66,7 @@ class Recording:
             for file in mesh_files(descriptions.values()):
                 self._meshes.load(file)
             scene = Scene(server, self._meshes)
-            scene.body.at_a_time = sys.maxsize  # nobody waits
+            scene.body.at_a_time, scene.body.names_meshes = sys.maxsize, True  # nobody waits
             # Only the first position of the camera counts: it shows where all frames will go.
             look_at(np.concatenate([
                 scene.seen(placement, Display().shown(placement))
@@ -79,6 +80,7 @@ class Recording:
                            {placement.deepest}, trail, descriptions, BodyDisplay(), follow)
                 scene.move()
                 before = time
+            _, self.problems = scene.body.lines
             serializer.insert_sleep(PERIOD)  # before the loop begins again
             return str(serializer.as_html())
         finally:

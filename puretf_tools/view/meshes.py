@@ -6,6 +6,7 @@ import logging
 import os
 from pathlib import Path
 from queue import SimpleQueue
+import re
 from threading import Thread
 from typing import Any, NamedTuple, Optional, Union
 from urllib.parse import unquote
@@ -26,6 +27,9 @@ MAX_FACES = 2_000_000
 #: and mostly four times as long for twice as many.
 _PARTS = {'.glb': (b'{', 20_000), '.dae': (b'<', 50_000), '.obj': (b'usemtl', 2000),
           '.stl': (b'solid', 4000)}
+#: The scheme, or '' of a relative path, and the rest. RFC 3986 has no colon at its beginning.
+_NAME = re.compile(r'(?:(package|file)://|(?![^/]*:|$))(.*)', re.DOTALL)
+_LFS = b'version https://git-lfs.github.com/spec/'
 REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
 
 
@@ -93,13 +97,13 @@ class Meshes:
         Only files below the directories are found. Links in the directories are followed: they
         belong to the user, not to who has sent the description.
 
-        :param file: `package://PACKAGE/PATH` or `file:///PATH`.
+        :param file: `package://PACKAGE/PATH`, `file:///PATH` or a relative path.
         """
-        scheme, _, rest = file.partition('://')
-        name = unquote(rest)
-        if scheme not in ('package', 'file') or '\0' in name or (
-                scheme == 'file') != name.startswith('/'):
-            raise MeshError('only package://PACKAGE/PATH and file:///PATH are read')
+        found = _NAME.fullmatch(file)
+        name = unquote(found[2]) if found else ''
+        if not found or '\0' in name or (found[1] == 'file') != name.startswith('/'):
+            raise MeshError(
+                'only package://PACKAGE/PATH, file:///PATH and relative paths are read')
         # os.path.join takes an absolute path as it is.
         paths = [Path(os.path.normpath(os.path.join(directory, name)))
                  for directory in self._directories]
@@ -128,6 +132,8 @@ def load(path: Path) -> Mesh:
         raise MeshError(f'{path} cannot be read: {error.strerror or error}') from None
     if len(data) > MAX_BYTES:
         raise MeshError(f'it has more than {MAX_BYTES // 10**6} MB: simplify it')
+    if data.startswith(_LFS):
+        raise MeshError(f'{path} is a Git LFS pointer: git lfs pull')
     mark, most = _PARTS.get(kind, (b' ', MAX_BYTES))
     # A .glb file begins with JSON, whose length is known; the mark may occur in what follows.
     parts_in = data[:20 + int.from_bytes(data[12:16], 'little')] if kind == '.glb' else data

@@ -77,6 +77,24 @@ def test_the_joints_of_a_file(start, ros, urdf, positions):
     assert process.output.count('\n') == 1
 
 
+@pytest.mark.parametrize('name', ['meshes/hand.stl', '../meshes/hand.stl'])
+def test_meshes_beside_the_file(start, tmp_path, name):
+    """Their names are relative to the file, whatever the current directory is."""
+    file = tmp_path / 'robot' / 'urdf' / 'r.urdf'
+    mesh = file.parent / name
+    mesh.parent.mkdir(parents=True)
+    mesh.write_text('solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n'
+                    'vertex 0 1 0\nendloop\nendfacet\nendsolid a\n')
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(f'<robot name="r"><link name="base"/><link name="hand"><visual><geometry>'
+                    f'<mesh filename="{name}"/></geometry></visual></link><joint name="j" '
+                    'type="fixed"><parent link="base"/><child link="hand"/></joint></robot>')
+    start(*tool('robot_state_publisher', 'robot/urdf/r.urdf'), cwd=tmp_path)
+    process = start(*tool('joint_state_publisher', 'robot/urdf/r.urdf'), cwd=tmp_path)
+    with open_page(process) as viewer:
+        viewer.until(lambda: any('vertices' in node for node in viewer.nodes.values()))
+
+
 def test_the_robot_of_the_network(start, ros, listening, urdf):
     """Without a file, the description is that of robot_state_publisher, whose robot moves."""
     process = start(*tool('joint_state_publisher'))

@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -16,6 +17,7 @@ pytest.importorskip('viser')
 pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
 from viewer import CLICK, Page, recorded, Viewer
 
+from puretf_tools.commands.web_view import main
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.descriptions import parsed
 from puretf_tools.view import meshes as meshes_module
@@ -289,8 +291,8 @@ def test_missing_meshes(page, tmp_path, monkeypatch):
         assert len({*box['color']}) == 1
     says(shown, f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass '
          '--meshes DIR, where DIR has the package or the file<br>')
-    says(shown, 'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
-         'file:///PATH are read<')
+    says(shown, 'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH, '
+         'file:///PATH and relative paths are read<')
     says(shown, '>1 mesh of package pkg is missing: pass --meshes DIR, where DIR has the package '
          'or the file<')
 
@@ -366,7 +368,9 @@ FILES = {
     'package://{outside}/secret.stl': 'are read', 'package://%2Fetc/passwd': 'are read',
     'package:///etc/passwd': 'are read', 'file://localhost{inside}/pkg/a.stl': 'are read',
     'file://pkg/a.stl': 'are read', 'file:{inside}/pkg/a.stl': 'are read',
-    '{inside}/pkg/a.stl': 'are read', 'pkg/a.stl': 'are read', '../pkg/a.stl': 'are read',
+    '{inside}/pkg/a.stl': 'are read', 'pkg/a.stl': FOUND, './pkg/%61.stl': FOUND,
+    '../inside/pkg/a.stl': FOUND, '../pkg/a.stl': 'not below', 'a.stl': 'no such file',
+    '../outside/secret.stl': 'not below', 'pkg/../../outside/secret.stl': 'not below',
     'http://127.0.0.1/a.stl': 'are read', 'https://example.org/a.stl': 'are read',
     'ftp://127.0.0.1/a.stl': 'are read', 'data:,x': 'are read', '': 'are read',
     'FILE://{inside}/pkg/a.stl': 'are read', 'package://pkg/a.stl%00': 'are read',
@@ -515,6 +519,13 @@ def test_without_pycollada_a_collada_mesh_names_it():
         '.dae files need pycollada: pip install pycollada, or convert it to .stl\n')
 
 
+def test_a_pointer_of_git_lfs():
+    """It stands for a file that was not downloaded."""
+    path = DATA / 'robots' / 'lfs_pointer.stl'
+    with pytest.raises(MeshError, match=f'^{path} is a Git LFS pointer: git lfs pull$'):
+        load(path)
+
+
 def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
     """It is refused before it is read to the end."""
     with (tmp_path / 'a.stl').open('wb') as file:
@@ -567,3 +578,34 @@ def test_a_page_that_is_exported_has_the_body(tmp_path):
     assert not [each for each in without if 'robots' in str(each.get('name'))]
     assert [each['name'] for each in with_body if each['type'] == 'MeshMessage'] == [
         '/world/robots/0/0']
+
+
+def test_an_export_says_which_meshes_are_missing(tmp_path, monkeypatch, capsys):
+    """On stderr, with the remedies, and by a sign in the file, which has no panel."""
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    bags = pytest.importorskip('bags')
+    (tmp_path / 'pkg').mkdir()
+    shutil.copy(DATA / 'robots' / 'lfs_pointer.stl', tmp_path / 'pkg')
+    names = ['package://pkg/lfs_pointer.stl', *(f'meshes/{i}.stl' for i in range(12))]
+    text = ''.join(f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+                   for name in names)
+    bag = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(1), (
+        '/robot_description', 100 * S, bags.string(
+            f'<robot name="r"><link name="odom">{text}</link></robot>'), bags.STRING)])
+    page = tmp_path / 'page.html'
+    assert main(['--bag', str(bag), '--export', str(page), '--time', '0.1',
+                 '--meshes', str(tmp_path)]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if 'not drawn' in line]
+    assert lines[0] == (f'web_view: not drawn: link odom: {names[0]}: '
+                        f'{tmp_path}/pkg/lfs_pointer.stl is a Git LFS pointer: git lfs pull')
+    assert lines[1] == (
+        f'web_view: not drawn: link odom: meshes/0.stl: there is no such file below {tmp_path}: '
+        'pass --meshes DIR, where DIR has the package or the file')
+    assert lines[10:] == ['web_view: not drawn: 3 more meshes']
+    signs = [message['props']['text'] for _, message in recorded(page.read_text())['messages']
+             if message.get('name', '').endswith('/sign') and 'props' in message]
+    updates = [message['updates']['text'] for _, message in recorded(page.read_text())['messages']
+               if message.get('name', '').endswith('/sign') and 'text' in message.get(
+                   'updates', ())]
+    assert [*signs, *updates][-1] == (
+        '13 meshes not drawn: lfs_pointer.stl, 0.stl, 1.stl and 10 more')
