@@ -104,6 +104,8 @@ class Meshes:
         if not found or '\0' in name or (found[1] == 'file') != name.startswith('/'):
             raise MeshError(
                 'only package://PACKAGE/PATH, file:///PATH and relative paths are read')
+        if not found[1]:  # relative to a file below or beside a directory
+            name = re.sub(r'\A(\.\./)+', '', os.path.normpath(name))
         # os.path.join takes an absolute path as it is.
         paths = [Path(os.path.normpath(os.path.join(directory, name)))
                  for directory in self._directories]
