@@ -25,7 +25,7 @@ _REMEDIES = {
     '': 'partial=True reads the other files',
     '.mcap': 'If it is damaged or cut off, partial=True reads what is left',
     '.db3': 'If it is damaged, the command .recover of the program sqlite3 may help',
-    '.bag': 'If it is damaged or cut off, rosbag reindex of ROS 1 may help'}
+    '.bag': 'If it is damaged, cut off or from before 2011, rosbag reindex of ROS 1 may help'}
 
 
 @dataclass(eq=False)

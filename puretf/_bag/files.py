@@ -58,7 +58,9 @@ def _kind_of(path: Path) -> str:
     for magic, kind in _KINDS.items():
         if beginning.startswith(magic):
             return kind
-    raise ValueError(f'it is not a bag: {BAG_DEFINITION if beginning else "it is empty"}')
+    raise ValueError('it is not a bag: ' + (
+        'it is a Git LFS pointer: git lfs pull' if beginning == b'version https://' else
+        BAG_DEFINITION if beginning else 'it is empty'))
 
 
 def _records_of_ros1(path: Path, contents: Contents) -> Iterator[Item]:

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 import re
 from typing import NamedTuple, Optional, Union
 
-from puretf._core.texts import comma_list, error_line, visible
+from puretf._core.texts import comma_list, error_line, renamed, visible
 from puretf._wire.definitions import checked_yaml, LONGEST_YAML
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
@@ -117,6 +117,10 @@ def resolved(recording: Recording) -> Recording:
     if recording.files:
         return recording
     files = _listed(recording.path)
+    others = [each.name for each in sorted(recording.path.iterdir()) if _FILE.search(each.name)]
+    if others and not any(map(exists, files)):
+        raise BagError(f'{recording.path} cannot be read: '
+                       f'{renamed([each.name for each in files], others)}')
     return Recording(recording.path, files, next(
         (first for first in files[:1] if not exists(first)), None))
 

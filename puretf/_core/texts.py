@@ -238,9 +238,18 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
 # The errors of bags.
 
 
+def renamed(listed: Sequence[str], others: Sequence[str]) -> str:
+    """Say that a metadata.yaml lists files that are missing, but not the others beside it."""
+    missing, rest = (comma_list(names, 5, visible) for names in (listed, others))
+    return f'files that its metadata.yaml lists are missing: {missing}; {rest} ' + (
+        'is not listed: give this file' if len(others) == 1 else
+        'are not listed: give these files')
+
+
 def error_line(error: Exception) -> str:
     """Return the text of an error, or its type, in one line that ends with one period."""
-    text = visible(' '.join(str(error).split())) or type(error).__name__
+    text = visible(' '.join(str(error).split())) or (
+        f'it is not as the library that reads it expects ({type(error).__name__})')
     return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
 
 

@@ -3,9 +3,12 @@
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
+import re
 import shutil
+import struct
 from tempfile import TemporaryDirectory
 
+from environment import DATA
 import pytest
 
 from puretf import bag, LookupException
@@ -133,6 +136,38 @@ def test_a_part_that_is_missing_of_a_database(tmp_path):
     with pytest.raises(BagError, match=r'db3_plain_1\.db3: it is missing\. partial=True reads'):
         read(whole)
     assert counts(whole, partial=True) == counts(whole / 'db3_plain_0.db3')
+
+
+@pytest.mark.parametrize('partial', [False, True])
+def test_a_part_that_was_renamed(tmp_path, partial):
+    """The error names the file that is there; the remedy is executed."""
+    path = shutil.copytree(DATA / 'renamed_bag', tmp_path / 'bag')
+    with pytest.raises(BagError, match=(
+            r'missing: renamed_bag\.db3; (my_run\.db3) is not listed: give this file$')) as caught:
+        read(path, partial=partial)
+    name, = re.findall('; (.*) is not listed', str(caught.value))
+    assert sum(counts(path / name).values()) == 20
+    shutil.copy(path / name, path / 'more.db3')
+    with pytest.raises(BagError, match=(
+            r'more\.db3, my_run\.db3 are not listed: give these files$')):
+        read(path, partial=partial)
+
+
+def test_a_pointer_of_git_lfs():
+    """It stands for a file that was not downloaded."""
+    with pytest.raises(BagError, match='it is a Git LFS pointer: git lfs pull'):
+        read(DATA / 'lfs_pointer.mcap')
+
+
+def test_an_index_that_rosbags_does_not_expect(tmp_path):
+    """As of a bag of 2010: the error is more than the name of an exception."""
+    path = bags.file_of(bags.make(tmp_path / 'old', 'bag', bags.walk(1)))
+    time = struct.pack('<II', 100, 1_000_000)
+    path.write_bytes(re.sub(b'(?<!time=)' + time, struct.pack('<II', 100, 7), path.read_bytes()))
+    with pytest.raises(BagError, match=(
+            r'it is not as the library that reads it expects \(AssertionError\)\. If it is '
+            'damaged, cut off or from before 2011, rosbag reindex of ROS 1 may help')):
+        read(path)
 
 
 def test_a_recording_that_was_killed(tmp_path):
