@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from puretf._core.times import display_time as display_time
     from puretf._core.times import exact_time as exact_time
     from puretf._core.times import in_seconds as in_seconds
+    from puretf._core.times import is_frozen as is_frozen
     from puretf._core.times import SECOND as SECOND
     from puretf._ros.messages import TFMessage as TFMessage
     from puretf.buffer import Buffer as Buffer
@@ -75,7 +76,7 @@ _NAMES = {
     '_core.texts':
         'abbreviated comma_list full_name LONGEST namespace_distance namespace_path quoted '
         'SECTION_NAMES see shortened TF_MESSAGE visible',
-    '_core.times': 'display_time exact_time in_seconds SECOND',
+    '_core.times': 'display_time exact_time in_seconds is_frozen SECOND',
     '_ros.messages': 'TFMessage',
     'buffer': 'Buffer',
     'buffer_core': 'BufferCore',

@@ -26,7 +26,7 @@ from dummy_arm.grading.records import (
     Report,
 )
 from dummy_arm.grading.sine import FASTEST, FEWEST, fit, fit_sine, Floats, Sine
-from puretf import comma_list, near_names, SECOND, shortened
+from puretf import comma_list, is_frozen, near_names, SECOND, shortened
 from puretf.bag import NOT_RECORDED
 from puretf_tools.inspection.traffic import recreated
 
@@ -707,7 +707,7 @@ def _fault_of_stamps(name: str, stamps: np.ndarray[Any, Any], delays: Floats
     now = 'write header.stamp = self.get_clock().now().to_msg()'
     if not stamps.any():
         return f'{name}: 0', f'The stamp of {name} is not set: {now}.'
-    if len(stamps) > 1 and (stamps == stamps[0]).all():
+    if is_frozen(int(stamps.min()), int(stamps.max()), len(stamps)):
         return f'{name}: always the same', (f'The stamp of {name} is set only once: {now} before '
                                             'each sendTransform.')
     if has_whole_seconds:

@@ -10,6 +10,7 @@ from puretf._core import hints, texts
 from puretf._core.frames import as_string
 from puretf._core.history import History
 from puretf._core.similar_names import is_slip
+from puretf._core.times import is_frozen
 from puretf._core.tree import END, FrameTree
 from puretf.exceptions import (
     ConnectivityException,
@@ -78,10 +79,11 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
     Return the hint of an ExtrapolationException.
 
     The hint is about the path that follows the newest parents of the frames. Of the edges on
-    this path, the hint names the one whose samples are farthest from `time` (ns). If all edges
-    on this path have data at `time`, the frames had other parents at that time. The hint then
-    names the edge above `stopped_at`, the frame at which the search stopped. If the newest
-    parents do not connect the two frames, the hint names the roots of their two trees.
+    this path, the hint names one whose stamp does not advance, or the one whose samples are
+    farthest from `time` (ns). If all edges on this path have data at `time`, the frames had other
+    parents at that time. The hint then names the edge above `stopped_at`, the frame at which the
+    search stopped. If the newest parents do not connect the two frames, the hint names the roots
+    of their two trees.
     """
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
     if meeting is None:
@@ -91,7 +93,12 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
         for frame in chain:
             if frame == meeting:
                 break
-            gap = tree.histories[frame].distance_to(time)  # type: ignore[union-attr]
+            history = tree.histories[frame]
+            assert history is not None
+            gap = history.distance_to(time)
+            if isinstance(history, History) and is_frozen(
+                    history.oldest, history.latest, len(history) + history.repeated):
+                gap = END  # the latest time of all edges is its stamp
             if gap > widest:
                 worst, widest = frame, gap
     history = tree.histories[worst]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Optional
 
 from puretf._core.similar_names import difference, may_be_one_robot, suggest_names
 from puretf._core.texts import comma_list, MAX_TOPICS, quoted, see, shortened, TF_MESSAGE
-from puretf._core.times import exact_time, SECOND
+from puretf._core.times import exact_time, is_frozen, SECOND
 from puretf.exceptions import ExtrapolationException, TransformException, with_hint
 
 #: Times that are farther apart (ns) are probably, or certainly, not from one clock.
@@ -333,9 +333,9 @@ class Edge(NamedTuple):
         return self.silence <= max(_RECENT, 3 * self.period)
 
     @property
-    def has_one_stamp(self) -> bool:
+    def is_frozen(self) -> bool:
         """Whether several transforms have arrived, all with the same stamp."""
-        return self.oldest == self.latest and self.samples + self.repeated > 1
+        return is_frozen(self.oldest, self.latest, self.samples + self.repeated)
 
 
 def cleared(look: Look, frame: str, waited: Optional[Waited]) -> str:
@@ -363,18 +363,21 @@ def extrapolation(look: Look, edge: Edge, time: int, waited: Optional[Waited]) -
     """Say how far a time is from the samples of an edge, why, and what to do."""
     name = f'{quoted(edge.parent)} -> {quoted(edge.child)}'
     is_late = time > edge.latest
-    where = (f'end {exact_time(time - edge.latest)} s before that time' if is_late else
-             f'begin {exact_time(edge.oldest - time)} s after that time')
-    span = (f'are from {exact_time(edge.oldest)} to {exact_time(edge.latest)} and'
-            if edge.oldest != edge.latest else f'are all at {exact_time(edge.latest)} and')
+    where = (f' and end {exact_time(time - edge.latest)} s before that time' if is_late else
+             f' and begin {exact_time(edge.oldest - time)} s after that time'
+             if time < edge.oldest else '')
+    span = (f'are from {exact_time(edge.oldest)} to {exact_time(edge.latest)}'
+            if edge.oldest != edge.latest else f'are all at {exact_time(edge.latest)}')
     around = look()
-    if not around.topics:
+    if edge.is_frozen and not edge.refused:
+        cause = _one_time(edge)
+    elif not around.topics:
         cause = _without_listener(edge, time)
     elif is_late:
         cause = _late(edge, time, around, waited)
     else:
         cause = _early(edge, time, around)
-    return f' The data of edge {name} {span} {where}.{cause}'
+    return f' The data of edge {name} {span}{where}.{cause}'
 
 
 def _without_listener(edge: Edge, time: int) -> str:
@@ -396,7 +399,7 @@ def _late(edge: Edge, time: int, around: Surroundings, waited: Optional[Waited])
                and bool(around.nodes(around.topics[-1])))
     if edge.is_refusing:
         return _refused(edge, around, edge.refused_stamp)
-    if edge.has_one_stamp or (edge.samples == 1 and not arrives and not edge.has_dropped):
+    if edge.samples == 1 and not arrives and not edge.has_dropped:
         return _one_time(edge)
     if waited and (blocked := _blocked(edge, around, waited)):
         return blocked
@@ -428,7 +431,7 @@ def _late(edge: Edge, time: int, around: Surroundings, waited: Optional[Waited])
 
 
 def _one_time(edge: Edge) -> str:
-    how = ('All that have arrived have this stamp' if edge.has_one_stamp else
+    how = ('All that have arrived have this stamp' if edge.is_frozen else
            f'Only one has arrived, {edge.silence / SECOND:.1f} s ago')
     return (f' {how}. Send it again and again with new stamps or, if it does not move, with a '
             f'StaticTransformBroadcaster.{see("Only one time is in the buffer")}')
@@ -464,8 +467,7 @@ def _why_silent(edge: Edge, around: Surroundings) -> str:
 def _early(edge: Edge, time: int, around: Surroundings) -> str:
     if refused := _refused(edge, around, time):
         return refused
-    if edge.has_one_stamp or (edge.samples == 1 and not edge.still_arrives
-                              and not edge.has_dropped):
+    if edge.samples == 1 and not edge.still_arrives and not edge.has_dropped:
         return _one_time(edge)
     distance, ahead = edge.oldest - time, edge.latest - around.now
     if distance > _DAY:

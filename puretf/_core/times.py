@@ -14,6 +14,16 @@ SECOND = 1_000_000_000
 _MOST_SECONDS = 1 << 31
 
 
+def is_frozen(oldest: int, latest: int, count: int) -> bool:
+    """
+    Return True if the stamp of an edge does not advance: several transforms have the same.
+
+    >>> is_frozen(5, 5, 30), is_frozen(5, 6, 30), is_frozen(5, 5, 1)
+    (True, False, False)
+    """
+    return oldest == latest != 0 and count > 2
+
+
 def nanoseconds(time: Any, name: str = 'time') -> int:
     """
     Convert a time or duration of rclpy, or of a ROS message, to nanoseconds.

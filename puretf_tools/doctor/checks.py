@@ -434,7 +434,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
         yield from _other_clock_than(observation, observation.clock, told)
         return
     for tracks in observation.by_publisher(
-            lambda track: track['foreign'] and track not in told):
+            lambda track: track['foreign'] and track not in told and not track.is_frozen):
         worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
         is_before = worst['greatest_delay'] > -worst['least_delay']
         delay = worst['greatest_delay' if is_before else 'least_delay']
@@ -451,10 +451,30 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
     for track in observation.tracks:
         before = int(clock['oldest'] - track['latest'])
         after = int(track['oldest'] - clock['latest'])
-        if track['delays'] and max(before, after) > OTHER_CLOCK and track not in told:
+        if (track['delays'] and max(before, after) > OTHER_CLOCK and track not in told
+                and not track.is_frozen):
             yield _Fault(f'all stamps of {shortened(track.child)} are at least '
                          f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
                          f'those of {shortened(clock.child)}', [track])
+
+
+@_check('frozen_stamp', ERROR,
+        'The stamp of a frame never advances, so lookups through it fail at any other time, and '
+        'the latest time of all frames is this stamp.',
+        'Take the time anew before each sendTransform or, if the frame does not move, publish it '
+        'by a StaticTransformBroadcaster.', section='Only one time is in the buffer')
+def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(attrgetter('is_frozen')):
+        stamps = sorted({track['latest'] for track in tracks})
+        children = [track.child for track in tracks]
+        below = {*children, *(frame for frame in observation.parents
+                              if not {*children}.isdisjoint(observation.ancestors(frame)))}
+        yield _Fault(
+            f'all {total(tracks, "count")} transforms of {_names(children)} have the stamp'
+            f'{"s" * (len(stamps) > 1)} {comma_list([*map(exact_time, stamps)], SHOWN)}',
+            tracks, explains={
+                **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back'), children),
+                **{code: below for code in CHECKS if code.startswith('message_')}})
 
 
 @_check('zero_stamp', ERROR,
@@ -709,7 +729,7 @@ def _needs_time(observation: Observation, node: str) -> bool:
 def _is_foreign(observation: Observation, node: str) -> bool:
     """Return whether a node sends stamps that are far from the time on /clock."""
     stamps = [int(track['stamp']) for track in observation.tracks
-              if observation.node_of(track) == node and not track.is_static]
+              if observation.node_of(track) == node and not (track.is_static or track.is_frozen)]
     stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
                if headers.stamps and node in observation.senders.get(topic, ())]
     now = observation.clocks[0].stamp
@@ -839,7 +859,7 @@ def _late(observation: Observation) -> Iterator[_Fault]:
 
 
 def _is_frequent(track: Track, field: str) -> bool:
-    return bool(track[field] > _SHARE * track['delays'])
+    return bool(track[field] > _SHARE * track['delays']) and not track.is_frozen
 
 
 @_check('future', WARNING,

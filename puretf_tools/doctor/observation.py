@@ -103,9 +103,9 @@ class Observation:
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
-        if self.has_record_times and 2 * total(self.tracks, 'foreign') > total(
-                self.tracks, 'delays'):
-            self.clock = max(self.tracks, key=itemgetter('delays'))
+        moving = [track for track in self.tracks if not track.is_frozen]
+        if self.has_record_times and 2 * total(moving, 'foreign') > total(moving, 'delays'):
+            self.clock = max(moving, key=itemgetter('delays'))
             self.not_known.setdefault(
                 'arrivals', 'the bag was recorded with another clock than that of the stamps; '
                 f'they are about {in_words(self.clock.mean_delay)} apart')

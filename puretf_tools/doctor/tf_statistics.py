@@ -13,7 +13,7 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import SECOND, shortened
+from puretf import is_frozen, SECOND, shortened
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.inspection.traffic import Counts, DELAYS, rate
 
@@ -96,6 +96,12 @@ class Track:
     def rate(self) -> Optional[float]:
         """The average rate, by stamps (Hz); None if it is not known."""
         return rate(self['count'] - self['zero_stamps'], self['oldest'], self['latest'])
+
+    @property
+    def is_frozen(self) -> bool:
+        """True if the stamp has not advanced for a second or more."""
+        return (is_frozen(self['oldest'], self['latest'], self['count'])
+                and not self['zero_stamps'] and self['last_time'] - self['first_time'] >= SECOND)
 
     def jumps_beyond(self, speed: float) -> int:
         """Count the jumps that are faster than a speed (m/s plus rad/s), within 20 %."""

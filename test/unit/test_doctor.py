@@ -169,6 +169,10 @@ FAULTS = {
     'one_shot': (
         [*robot(110), tf(5, 'base_link camera')], ['camera'],
         r'^one transform of camera in 2\.08 s$'),
+    'frozen_stamp': (
+        [static('base_link laser'), *(tf(i, 'odom base_link') for i in range(150)),
+         *(tf(i, 'map odom', stamp=T, x=1.0) for i in range(150)), *scans()], ['odom'],
+        r'^all 150 transforms of odom have the stamp 1700000000\.000000000$'),
     'late': (
         robot(change=lambda i: {'delay': 600 * MS}), ['base_link', 'arm'],
         r'^200 of 200 transforms of base_link, arm arrived more than 0\.5 s after their stamp; '
@@ -300,6 +304,14 @@ CASES = {
         [tf(i * 50, edge, stamp=i * S // 10 + S)
          for i in [*range(200), *range(900, 1000)]
          for edge in ('map odom', 'odom arm')[:1 + (i > 900)]], {'gap'}),
+    'a frozen stamp in a long recording': (
+        # It is more than a minute old, most transforms have it, and scans wait for it in vain.
+        [static('base_link laser'), *(tf(i, 'odom base_link') for i in range(0, 5000, 5)),
+         *(tf(i, 'map odom', stamp=T, x=i / 100) for i in range(5000)),
+         *scans(hertz=1, count=99)], {'frozen_stamp'}),
+    'a frozen stamp beside a late frame of its node': (
+        [*(tf(i, 'odom base_link', delay=600 * MS) for i in range(150)),
+         *(tf(i, 'map odom', stamp=T) for i in range(150))], {'frozen_stamp', 'late'}),
     'a simulation that begins at 0': (
         [tf(i, 'map odom', stamp=i * 20 * MS) for i in range(100)], set()),
     'stamps of 0 at the beginning': (

@@ -270,6 +270,24 @@ def test_a_frame_with_one_stamp(silent, stamps, silence, how):
     assert hint_of(buffer, T + S) == (how + remedy if how else ON_ITS_WAY)
 
 
+@pytest.mark.parametrize('surroundings', [{}, HEARD])
+@pytest.mark.parametrize('time', [0, T, T + 6 * S, T + 99 * S])
+def test_an_edge_whose_stamp_never_advances(surroundings, time):
+    """It is named, not the healthy edge, which has no data for this stamp."""
+    buffer = TransformBuffer(cache_time=5 * S)
+    for i in range(100):
+        buffer.insert(T, 'map', 'odom', STILL)
+        buffer.insert(T + i * S // 10, 'odom', 'base', STILL)
+    engine_of(buffer).look = lambda: Surroundings(**surroundings)
+    with pytest.raises(TransformException) as caught:
+        buffer.lookup_transform('map', 'base', time)
+    assert re.search(
+        r"The data of edge 'map' -> 'odom' are all at 1700000000\.000000000( and end .* s before "
+        r'that time)?\. All that have arrived have this stamp\. Send it again and again with new '
+        f'stamps or, if it does not move, with a StaticTransformBroadcaster\\. {ONE_TIME}$',
+        str(caught.value))
+
+
 def test_a_frame_of_which_one_sample_is_kept():
     """The full buffer has dropped the others."""
     buffer = TransformBuffer(max_samples=1)
