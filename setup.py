@@ -51,7 +51,7 @@ setup(
         # test_private_apis.py; rosbags has no stable version yet.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
                 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
-        'robot': ['urdf-parser-py', 'xacro'],
+        'robot': ['xacro'],
         'view': ['viser>=1.1.1,<1.2', 'pycollada', 'trimesh>=4.6', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'pygraphviz',
                 'pypdf', 'rosbags>=0.11.7,<0.12', 'ruamel.yaml', 'tqdm'],

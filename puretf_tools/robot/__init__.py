@@ -9,8 +9,8 @@ from puretf_tools.robot.description import (
     Joint,
     Mimic,
     parse,
-    Shape,
 )
+from puretf_tools.robot.shapes import Shape
 from puretf_tools.robot.urdf_text import DescriptionError, read
 
 __all__ = ['Description', 'DescriptionError', 'Joint', 'Mimic', 'Shape', 'parse', 'read']

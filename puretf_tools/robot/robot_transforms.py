@@ -6,7 +6,8 @@ from time import monotonic
 from typing import Optional
 
 from puretf import comma_list, display_time, quoted, SECOND, shortened
-from puretf_tools.robot.description import Description, Joint, Pose
+from puretf_tools.robot.description import Description, Joint
+from puretf_tools.robot.shapes import Pose
 
 #: A transform without its stamp: frame_id, child_frame_id, pose.
 Edge = tuple[str, str, Pose]

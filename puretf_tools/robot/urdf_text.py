@@ -1,7 +1,8 @@
 """The text of a description: from a file, expanded by xacro, and as a tree of XML elements."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from math import isfinite
 import os
 from pathlib import Path
 import re
@@ -16,8 +17,11 @@ from puretf_tools.cli.errors import UsageError
 
 #: The longest text that is parsed (characters or bytes).
 MAX_SIZE = 10_000_000
-BLANKS = ' \t\r\n'
-IS_XACRO = 'it is xacro: put it into a file *.xacro'
+
+_BLANKS = ' \t\r\n'
+_NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
+_LONGEST_NUMBER, _WORDS = 100, {3: 'three', 4: 'four'}
+_IS_XACRO = 'it is xacro: put it into a file *.xacro'
 
 #: So much of a text is parsed at a time (characters).
 _PIECE = 1_000_000
@@ -27,8 +31,6 @@ _NO_ELEMENT = re.compile(
     r'<!--(?:.*?-->|(.*))|<!\[CDATA\[(?:.*?\]\]>|(.*))|<\?(?:.*?\?>|(.*))', re.DOTALL)
 #: As much of a text shows what it is, if it is not URDF (characters).
 _LONGEST_BEGIN = 1000
-_XACRO_MISSING = ("xacro is missing: pip install 'dummy-arm[robot]', or apt install "
-                  'ros-jazzy-xacro')
 _TAKES_FILES = 'robot_state_publisher FILE takes a file, URDF or xacro'
 #: How texts begin that are not URDF, what they are, and the remedy.
 _NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, what in (
@@ -101,7 +103,8 @@ def _expand(path: str, arguments: Mapping[str, str]) -> str:
     try:
         import xacro
     except ImportError:
-        refuse(f'cannot read {path}: {_XACRO_MISSING}')
+        refuse(f'cannot read {path}: xacro is missing: '
+               'pip install xacro, or apt install ros-jazzy-xacro')
     parse_any = xacro.parse
 
     def parse_checked(text: Optional[str], filename: str) -> object:
@@ -135,7 +138,7 @@ def robot_element(text: str) -> ElementTree.Element:
     """Parse the XML and check the element <robot> itself."""
     if len(text) > MAX_SIZE:
         refuse(f'the robot description is too long: at most {MAX_SIZE} characters are allowed')
-    begin = text.lstrip('\ufeff' + BLANKS)[:_LONGEST_BEGIN].rstrip(BLANKS)
+    begin = text.lstrip('\ufeff' + _BLANKS)[:_LONGEST_BEGIN].rstrip(_BLANKS)
     path = begin.removeprefix('file://')
     for pattern, what in _NOT_URDF:
         if pattern.match(begin):
@@ -144,7 +147,7 @@ def robot_element(text: str) -> ElementTree.Element:
     try:
         robot = _xml(_source(text, 'the robot description'))
     except (expat.ExpatError, UnicodeError) as error:
-        hint = (f'; {IS_XACRO}' if '<xacro:' in text else
+        hint = (f'; {_IS_XACRO}' if '<xacro:' in text else
                 '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
         refuse(f'the robot description is not valid XML: {error}{hint}')
     if robot.tag != 'robot':
@@ -157,6 +160,31 @@ def robot_element(text: str) -> ElementTree.Element:
     return robot
 
 
+def attribute(element: Optional[ElementTree.Element], tag: str, name: str, what: str) -> str:
+    """Return the text of an attribute that an element with a tag must have."""
+    text = None if element is None else element.get(name)
+    return text or refuse(f'{what} has no {tag}: write <{tag} {name}="..."/>')
+
+
+def numbers(element: ElementTree.Element, name: str, what: str, count: int,
+            default: Optional[Sequence[float]] = None) -> Sequence[float]:
+    """Return the numbers in an attribute; without a default, there must be some."""
+    value = element.get(name)
+    if value is None:
+        return default or refuse(f'{what}: <{element.tag}> has no {name}: write {name}="..."')
+    texts = re.split(f'[{_BLANKS}]+', value.strip(_BLANKS))
+    if len(texts) != count or not all(map(_is_number, texts)):
+        needed = f'{_WORDS[count]} numbers with blanks between them' if count > 1 else 'a number'
+        refuse(f'{what}: {name} of <{element.tag}> must be {needed}, got {quoted(value)}'
+               + f'; {_IS_XACRO}' * ('${' in value))
+    return [*map(float, texts)]
+
+
+def _is_number(text: str) -> bool:
+    return (len(text) <= _LONGEST_NUMBER and _NUMBER.fullmatch(text) is not None
+            and isfinite(float(text)))
+
+
 def _source(text: str, what: str) -> str:
     """
     Return a text with its elements only, in the same lines.
@@ -166,7 +194,7 @@ def _source(text: str, what: str) -> str:
     # The blank keeps what stands before and behind from becoming a comment together.
     text = _NO_ELEMENT.sub(lambda found: found[0] if found.lastindex else (
         ' ' + '\n' * found[0].count('\n')), text)
-    if text.lstrip('\ufeff' + BLANKS).startswith('<!DOCTYPE'):
+    if text.lstrip('\ufeff' + _BLANKS).startswith('<!DOCTYPE'):
         refuse(f'{what} has a <!DOCTYPE, which is not allowed, since it can make a short text '
                'endless: remove it, and write the text of each entity in its place')
     return text.lstrip('\ufeff')

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 import trimesh
 
-from puretf_tools.robot.description import Rgba
+from puretf_tools.robot.shapes import Rgba
 
 #: The formats that are loaded, by the end of the file's name.
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'

@@ -15,7 +15,6 @@ from puretf_tools.commands.joint_state_publisher import main
 from puretf_tools.robot import description_listener
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
-pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')
 from viewer import Viewer
 

@@ -26,8 +26,6 @@ from puretf_tools.robot import description, state_publisher
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 from puretf_tools.robot.urdf_text import DescriptionError
 
-pytest.importorskip('urdf_parser_py')
-
 NAME = 'robot_state_publisher'
 ROBOT = """<robot name="r"><link name="base"/><link name="arm"/>
 <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""

@@ -9,7 +9,6 @@ from ros_node import LATCHED
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')
 from viewer import Viewer
 

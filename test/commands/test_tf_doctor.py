@@ -156,7 +156,6 @@ URDF = """<robot name="gripper">
 
 def test_a_robot(ros):
     """A joint without a state is named, and a fixed link that nobody publishes."""
-    pytest.importorskip('urdf_parser_py')
     text = ros.node.create_publisher(String, '/r1/robot_description', LATCHED)
     text.publish(String(data=URDF))
     joints = ros.node.create_publisher(JointState, '/r1/joint_states', 10)
@@ -312,7 +311,6 @@ def test_a_topic_with_two_types(ros, stranger):
 
 def test_joint_states_of_another_type(ros):
     """The joints are without a state, and the rest is examined."""
-    pytest.importorskip('urdf_parser_py')
     text = ros.node.create_publisher(String, '/robot_description', LATCHED)
     text.publish(String(data=URDF))
     points = ros.node.create_publisher(PointStamped, '/joint_states', 10)
@@ -490,7 +488,6 @@ def test_only_static_transforms_in_a_namespace(ros):
                                                ('grip', set())])
 def test_two_nodes_send_joint_states(ros, make_node, sent, expected):
     """If both send one joint, it is the only finding; if each has its own, nothing is wrong."""
-    pytest.importorskip('urdf_parser_py')
     make_node(URDF, is_spun=True, kind=RobotStatePublisher)
     publishers = [node.create_publisher(JointState, '/joint_states', 10)
                   for node in (ros.node, make_node('gui'))]

@@ -39,7 +39,6 @@ def test_a_bag_without_ros(start, tmp_path):
     """It is played, with the body of its robot; its transforms name no publisher."""
     bags = pytest.importorskip('bags')
     from viewer import Viewer
-    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
     urdf = ('<robot name="box"><link name="base_link"><visual><geometry><box size="1 2 3"/>'
             '</geometry></visual></link></robot>')
     path = bags.make(tmp_path / 'robot', 'mcap', [*bags.walk(), (

@@ -3,6 +3,7 @@
 from math import pi
 import time
 
+from browser import pages
 import imageio.v3 as iio
 import numpy as np
 from processes import ARM, tool
@@ -10,9 +11,6 @@ import pytest
 from ros_node import stamped
 
 from puretf import TransformBroadcaster
-
-pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
-from browser import pages
 
 FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
 

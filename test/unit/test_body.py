@@ -14,7 +14,6 @@ import pytest
 from puretf import TransformBuffer
 
 pytest.importorskip('viser')
-pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
 from viewer import CLICK, Page, recorded, Viewer
 
 from puretf_tools.commands.web_view import main

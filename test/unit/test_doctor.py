@@ -453,7 +453,6 @@ def with_robot(kind, names, *, namespace='', urdf=URDF):
 ])
 def test_robots(capsys, tmp_path, kind, names, edges, expected):
     """Joints without states and links without transforms are named; nothing is named twice."""
-    pytest.importorskip('urdf_parser_py')
     path = bags.make(tmp_path, kind, in_order([
         *(tf(i, *edges) for i in range(100)), *with_robot(kind, names)]))
     status, found = doctor(capsys, path, '--ignore', 'several_trees')
@@ -473,7 +472,6 @@ def test_robots(capsys, tmp_path, kind, names, edges, expected):
 ])
 def test_joint_states_that_are_ignored(capsys, tmp_path, kind, good, names, fault, evidence):
     """The report says why; one good message about a joint is enough."""
-    pytest.importorskip('urdf_parser_py')
     state = bags.joint_state(names, 1 if kind == 'bag' else 2, **fault)
     path = bags.make(tmp_path, kind, in_order([
         *(tf(i, 'x base') for i in range(100)), *with_robot(kind, good),
@@ -486,7 +484,6 @@ def test_joint_states_that_are_ignored(capsys, tmp_path, kind, good, names, faul
 
 def test_robots_with_prefixes(capsys, tmp_path):
     """Each robot has its own joint states, and a prefix of its frames."""
-    pytest.importorskip('urdf_parser_py')
     edges = [f'{robot}base {robot}arm' for robot in ('r1/', 'r2_')]
     path = bags.make(tmp_path, 'mcap', in_order([
         *(tf(i, *edges) for i in range(100)),
@@ -502,7 +499,6 @@ def test_robots_with_prefixes(capsys, tmp_path):
 @pytest.mark.parametrize(('namespace', 'expected'), [('/left', ['left/tip']), ('', [])])
 def test_robots_of_other_namespaces(capsys, tmp_path, namespace, expected):
     """A robot belongs to the nearest namespace with transforms."""
-    pytest.importorskip('urdf_parser_py')
     edges = 'base arm', 'arm left', 'arm right', 'left tip'
     left = [f'left/{edge.replace(" ", " left/")}' for edge in edges[:3]]
     path = bags.make(tmp_path, 'mcap', in_order([
@@ -516,7 +512,6 @@ def test_robots_of_other_namespaces(capsys, tmp_path, namespace, expected):
 
 def test_joints_that_follow_others(capsys, tmp_path):
     """They miss the state of the one that they follow in the end, and are not named twice."""
-    pytest.importorskip('urdf_parser_py')
     urdf = URDF.replace('<joint name="end" type="fixed">', '<joint name="end" type="continuous">'
                         '<mimic joint="follow"/>')
     path = bags.make(tmp_path, 'mcap', in_order([
@@ -528,7 +523,6 @@ def test_joints_that_follow_others(capsys, tmp_path):
 
 def test_a_description_that_is_refused(capsys, tmp_path):
     """The report says why nothing is checked."""
-    pytest.importorskip('urdf_parser_py')
     path = bags.make(tmp_path, 'db3', in_order([
         *robot(), *with_robot('db3', [], urdf='<robot name="x">')]))
     _, found = doctor(capsys, path)
@@ -547,7 +541,6 @@ def robots_in_bag(path):
 
 def test_many_descriptions(capsys, tmp_path):
     """Twenty are read, also if they are sent again; one line says that others are left out."""
-    pytest.importorskip('urdf_parser_py')
     path = bags.make(tmp_path, 'mcap', in_order([*robot(), *(
         (f'/r{i}/robot_description', T + i * MS + j, bags.string(urdf), bags.STRING)
         for j, urdf in enumerate(('', URDF)) for i in range(25))]))
@@ -560,7 +553,6 @@ def test_many_descriptions(capsys, tmp_path):
 
 def test_descriptions_and_joint_states_that_are_not_kept(tmp_path, monkeypatch):
     """Memory is for one message at a time, if others are too many or too long."""
-    pytest.importorskip('urdf_parser_py')
     monkeypatch.setattr(observed, 'MAX_SIZE', 1000)
     path = bags.make(tmp_path, 'mcap storage', [*robot(), *(
         message for i in range(40) for message in (

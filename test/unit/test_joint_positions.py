@@ -4,7 +4,6 @@ from math import inf, nan, pi
 
 import pytest
 
-pytest.importorskip('urdf_parser_py')
 from puretf_tools.robot.description import parse
 from puretf_tools.robot.joint_positions import bounds, JointPositions
 

@@ -10,7 +10,6 @@ from typing import cast
 import pytest
 
 pytest.importorskip('viser')
-pytest.importorskip('urdf_parser_py')
 from viewer import Viewer
 
 from puretf_tools.robot.description import parse

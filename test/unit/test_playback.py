@@ -288,7 +288,6 @@ def test_a_time_that_is_not_in_the_bag(controls, text, problem):
 def lonely(tmp_path):
     """A function that reads a bag with descriptions of a robot in two namespaces."""
     bags = pytest.importorskip('bags')
-    pytest.importorskip('urdf_parser_py')
     text = bags.string('<robot name="r"><link name="lonely"/></robot>')
     path = bags.make(tmp_path, 'mcap', [
         *bags.walk(), ('/left/tf', 100 * S, [bags.row(100 * S, 'map', 'base')]),
@@ -423,7 +422,6 @@ def test_a_bag_without_frames_to_show(failed, tmp_path):
 def test_an_export_of_a_robot(capsys, tmp_path):
     """The last description in the bag is drawn, with its meshes."""
     bags = pytest.importorskip('bags')
-    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
     (tmp_path / 'meshes' / 'pkg').mkdir(parents=True)
     (tmp_path / 'meshes' / 'pkg' / 'a.obj').write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n')
     texts = '<robot/>', ('<robot name="r"><link name="base_link"><visual><geometry><mesh '

@@ -20,8 +20,6 @@ from recorded_robots import (
 from puretf_tools.robot import Description, DescriptionError, parse, robot_transforms
 from puretf_tools.robot.robot_transforms import RobotTransforms
 
-pytest.importorskip('urdf_parser_py')
-
 #: The time of the recording (ns): between the stamps of 1.7e9 s, and those in the future, 2e9 s.
 NOW = 1_790_000_000_000_000_000
 OF_THE_ROBOT = [name for name in CASES if name not in OF_THE_COMMAND]

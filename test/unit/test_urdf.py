@@ -17,7 +17,6 @@ PATH = ROOT / 'dummy_arm' / 'urdf' / 'dummy_arm.urdf'
 @pytest.fixture(scope='module')
 def robot():
     """The description."""
-    pytest.importorskip('urdf_parser_py')
     return parse(PATH.read_text())
 
 

@@ -2,9 +2,10 @@
 
 import re
 import shutil
+import subprocess
 import sys
 
-from environment import DATA
+from environment import code_without, DATA, ROS
 import pytest
 
 from puretf_tools.robot import DescriptionError, parse, read
@@ -117,7 +118,8 @@ def test_a_leftover_of_xacro_is_ignored(robots, monkeypatch, is_installed):
         'elements of xacro are ignored: xacro:grey; in a file *.xacro, xacro expands them, or '
         'says why it cannot',)
     assert refused(file.rename(robots / 'leftover.xacro')).endswith(
-        'unknown macro name: xacro:grey' if is_installed else 'apt install ros-jazzy-xacro')
+        'unknown macro name: xacro:grey' if is_installed else
+        'xacro is missing: pip install xacro, or apt install ros-jazzy-xacro')
 
 
 def test_elements_of_xacro_in_any_file_are_expanded(robots):
@@ -164,3 +166,13 @@ def test_a_prefix_in_a_file_of_xacro(robots):
     remedy, = re.findall('; declare it in <robot>: (.*)', refused(file))
     file.write_text(text.replace('<robot', '<robot ' + remedy.replace('PREFIX', 'gz')))
     assert '<![CDATA[<b>]]>' in read(file)
+
+
+def test_nothing_is_needed_to_parse():
+    """Neither ROS nor a package of URDF or YAML: the page of a bag draws robots by this."""
+    code = code_without([*ROS, 'urdf_parser_py', 'xacro', 'yaml', 'lxml']) + (
+        'from puretf_tools.robot import parse, read\n'
+        'print(parse(read(sys.argv[1])).visuals[0].kind)')
+    done = subprocess.run([sys.executable, '-c', code, ROBOTS / 'geometry_two.urdf'], text=True,
+                          timeout=60, capture_output=True, check=True)
+    assert done.stdout == 'box\n'
