@@ -1,5 +1,6 @@
 """Descriptions of robots: forward kinematics, shapes, what is refused."""
 
+import ast
 import os
 import re
 import subprocess
@@ -253,6 +254,38 @@ BAD = {
     'xacro': (tree(('j', 'fixed', 'a', 'b', '${x} 0 0')), r'it is xacro: put it into a file'),
     'name with newlines': (tree(('j\n\x85k', 'ball', 'a', 'b')), 'the type must be'),
 }
+
+
+#: By a case of BAD: what its remedy makes of the text, or what stands in place of what.
+MENDED: dict[str, Any] = {
+    'bytes': lambda text: ast.literal_eval(text).decode().replace('/', '><link name="a"/></robot'),
+    'quotes': lambda text: text.strip("'").replace('/', '><link name="a"/></robot'),
+    'entities': lambda text: text[text.index(']>') + 2:],
+    'external subset': lambda text: re.sub('<!DOCTYPE.*?>', '', text),
+    'no name': ('<robot/>', '<robot name="..."><link name="..."/></robot>'),
+    'version': ('"2.0"/>', '"1.0"><link name="..."/></robot>'),
+    'no link': ('</robot>', '<link name="..."/></robot>'),
+    'two roots': ('</robot>', joint('j', 'fixed', 'left', 'right') + '</robot>'),
+    'unknown parent': ('</robot>', '<link name="z"/></robot>'),
+    'unknown child': ('</robot>', '<link name="z"/></robot>'),
+    'no parent': ('<parent/>', '<parent link="a"/>'),
+    'link twice': ('<link name="a"></link>', joint('j', 'fixed', 'b', 'a') + '<link name="b"/>'),
+    'no limit': ('</joint>', '<limit lower="0" upper="1" effort="1" velocity="1"/></joint>'),
+    'limit without effort': ('<limit', '<limit effort="1"'),
+    'zero axis': ('<axis xyz="0 0 0"/>', '<axis xyz="0 0 1"/>'),
+    'endless axis': ('<axis xyz="1.7e308 1.7e308 0"/>', '<axis xyz="0 0 1"/>'),
+    'two numbers': ('"1 2"', '"1 2 3"'), 'type': ('ball', 'planar'),
+    'to itself': ('child link="a"', 'child link="b"'),
+    'material twice': ('"blue"', '"red"'), 'joint twice': ('joint name="j"', 'joint name="k"')}
+
+
+@pytest.mark.parametrize('name', MENDED)
+def test_the_remedy_of_an_error_works(name):
+    """What the error says is done."""
+    text, change = BAD[name][0], MENDED[name]
+    mended = change(text) if callable(change) else text.replace(*change, 1)
+    assert mended != text
+    assert parse(mended).root
 
 
 @pytest.mark.parametrize('text', [
