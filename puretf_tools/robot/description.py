@@ -91,13 +91,12 @@ def parse(text: str) -> Description:
     """
     robot = robot_element(text)
     links = _names(robot, 'link')
-    _names(robot, 'joint')
+    known = dict.fromkeys(_names(robot, 'joint'))
     _names(robot, 'material')
     joints = [*map(_joint, robot.findall('joint'))]
-    known = tuple(joint.name for joint in joints)
     warnings = [f'joint {quoted(joint.name)} mimics {quoted(joint.mimic.joint)}, which is not a '
-                f'joint of the robot: correct the name. '
-                f'{suggest_names(joint.mimic.joint, known, "joints")}'
+                'joint of the robot: correct the name. '
+                f'{suggest_names(joint.mimic.joint, tuple(known), "joints")}'
                 for joint in joints if joint.mimic and joint.mimic.joint not in known]
     if ignored := sorted({each.tag for each in robot.iter() if each.tag.startswith('xacro:')}):
         warnings.append(f'elements of xacro are ignored: {comma_list(ignored, 5)}; '
@@ -165,11 +164,11 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
         for role, link in ('parent', joint.parent), ('child', joint.child):
             if link not in known:
                 refuse(f'joint {quoted(joint.name)}: the {role} {quoted(link)} is not a link of '
-                        'the robot: write <link name="..."/>, or correct the name. '
-                        f'{suggest_names(link, tuple(links), "links")}')
+                       'the robot: write <link name="..."/>, or correct the name. '
+                       f'{suggest_names(link, tuple(links), "links")}')
         if joint.parent == joint.child:
             refuse(f'joint {quoted(joint.name)} connects the link {quoted(joint.child)} with '
-                    'itself: parent and child must differ')
+                   'itself: parent and child must differ')
         if joint.child in parents:  # urdfdom takes the last one
             warnings.append(f'the link {quoted(joint.child)} has two parents: joint '
                             f'{quoted(parents[joint.child].name)} is ignored')
@@ -179,8 +178,8 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
         refuse('the robot has no root: each link is the child of a joint, so joints form a loop')
     if len(roots) > 1:
         refuse(f'the robot has {len(roots)} roots, {comma_list(roots, 5, quoted)}: connect them '
-                'by joints to one tree')
+               'by joints to one tree')
     if loop := sorted(known - descend(parents, {roots[0]: None}, lambda *_: None).keys()):
         refuse(f'joints form a loop, so that these links are not below the root '
-                f'{quoted(roots[0])}: {comma_list(loop, 5, quoted)}')
+               f'{quoted(roots[0])}: {comma_list(loop, 5, quoted)}')
     return roots[0], parents

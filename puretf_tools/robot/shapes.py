@@ -110,13 +110,11 @@ def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Optional[Rg
     name, color = material.get('name', ''), _color(material)
     if color:
         return colors.setdefault(name, color) if name else color, ''
-    problem = ''
-    if material.find('texture') is None:
-        if material.find('color') is not None:
-            problem = 'a color is ignored: rgba must be four numbers from 0 to 1'
-        elif name not in colors:
-            problem = f'there is no material {quoted(name)} with a color'
-    return colors.get(name), problem
+    return colors.get(name), (
+        '' if material.find('texture') is not None else
+        'a color is ignored: rgba must be four numbers from 0 to 1'
+        if material.find('color') is not None else
+        '' if name in colors else f'there is no material {quoted(name)} with a color')
 
 
 def _color(material: ElementTree.Element) -> Optional[Rgba]:

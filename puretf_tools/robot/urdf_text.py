@@ -21,7 +21,6 @@ MAX_SIZE = 10_000_000
 _BLANKS = ' \t\r\n'
 _NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
 _LONGEST_NUMBER, _WORDS = 100, {3: 'three', 4: 'four'}
-_IS_XACRO = 'it is xacro: put it into a file *.xacro'
 
 #: So much of a text is parsed at a time (characters).
 _PIECE = 1_000_000
@@ -52,11 +51,9 @@ _XACRO_HINTS = {
     'unbound prefix': '; declare it in <robot>: xmlns:PREFIX="..."',
     r'\$\(dirname\)': "; leave out '$(dirname)/': names are relative to the file",
     r'Undefined substitution argument (\w+)': r'; write {file} \1:=VALUE',
-    r'package .* not found': '; install it, source the setup file of its workspace, or write a '
-                             'path relative to the file',
-    'ament_index_python|AMENT_PREFIX_PATH':
-        '; for $(find PACKAGE), source the setup file of a ROS installation, or write a path '
-        'relative to the file in its place'}
+    'package .* not found|ament_index_python|AMENT_PREFIX_PATH':
+        '; in place of $(find PACKAGE), write a path relative to the file, or install the package '
+        'and source the setup file of its workspace'}
 #: Held while a function of xacro, which is global, is replaced.
 _lock = Lock()
 
@@ -147,8 +144,7 @@ def robot_element(text: str) -> ElementTree.Element:
     try:
         robot = _xml(_source(text, 'the robot description'))
     except (expat.ExpatError, UnicodeError) as error:
-        hint = (f'; {_IS_XACRO}' if '<xacro:' in text else
-                '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
+        hint = '' if begin.startswith('<') else f'; it begins with {quoted(begin)}'
         refuse(f'the robot description is not valid XML: {error}{hint}')
     if robot.tag != 'robot':
         hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
@@ -176,7 +172,7 @@ def numbers(element: ElementTree.Element, name: str, what: str, count: int,
     if len(texts) != count or not all(map(_is_number, texts)):
         needed = f'{_WORDS[count]} numbers with blanks between them' if count > 1 else 'a number'
         refuse(f'{what}: {name} of <{element.tag}> must be {needed}, got {quoted(value)}'
-               + f'; {_IS_XACRO}' * ('${' in value))
+               + '; it is xacro: put it into a file *.xacro' * ('${' in value))
     return [*map(float, texts)]
 
 

@@ -83,7 +83,9 @@ def test_a_package_that_is_not_found(robots, monkeypatch, prefix):
     error = refused(file)
     assert ("package 'my_sensor_description' not found" if prefix else
             "Environment variable 'AMENT_PREFIX_PATH' is not set") in error
-    assert 'or write a path relative to the file' in error
+    assert error.endswith(
+        'in place of $(find PACKAGE), write a path relative to the file, or install the package '
+        'and source the setup file of its workspace')
     (robots / 'sensor').mkdir()
     shutil.copy(robots / 'part.xacro', robots / 'sensor' / 'lidar.xacro')
     file.write_text(file.read_text().replace(
