@@ -79,7 +79,7 @@ def read(path: Union[str, os.PathLike[str]], arguments: Mapping[str, str] = {}) 
         hint = ': this is the text of a file; write its name' * name.lstrip().startswith('<')
         refuse(f'cannot read {abbreviated(name, 300)}: {error.strerror or error}{hint}')
     except UnicodeDecodeError:
-        refuse(f'cannot read {name}: it is not text in UTF-8')
+        refuse(f'cannot read {name}: it is not text in UTF-8: save it in this encoding')
     if Path(path).suffix == '.xacro':
         return _expand(name, arguments)
     if '<xacro:' in _NO_ELEMENT.sub('', text):
