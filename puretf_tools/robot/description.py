@@ -159,7 +159,7 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
           ) -> tuple[str, dict[str, Joint]]:
     """Return the root and, by link, the joint to its parent, or refuse what is not a tree."""
     parents: dict[str, Joint] = {}
-    known = {*links}
+    known = {*links} - {''}  # which urdfdom takes for a missing name
     for joint in sorted(joints, key=lambda joint: joint.name):
         for role, link in ('parent', joint.parent), ('child', joint.child):
             if link not in known:

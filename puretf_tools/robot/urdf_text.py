@@ -159,7 +159,7 @@ def robot_element(text: str) -> ElementTree.Element:
 def attribute(element: Optional[ElementTree.Element], tag: str, name: str, what: str) -> str:
     """Return the text of an attribute that an element with a tag must have."""
     text = None if element is None else element.get(name)
-    return text or refuse(f'{what} has no {tag}: write <{tag} {name}="..."/>')
+    return refuse(f'{what} has no {tag}: write <{tag} {name}="..."/>') if text is None else text
 
 
 def numbers(element: ElementTree.Element, name: str, what: str, count: int,

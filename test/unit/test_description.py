@@ -374,6 +374,17 @@ def test_colors_that_are_ignored_are_named(material, warning):
     assert [warning in each for each in found.warnings] == [True] * bool(warning)
 
 
+def test_an_empty_name_is_a_name_where_urdfdom_takes_it():
+    """Of a joint to mimic, and of a file; but not of a link in a joint."""
+    found = parse(robot(
+        link('a', '<visual><geometry><mesh filename=""/></geometry></visual>'), link('b'),
+        joint('j', 'revolute', 'a', 'b', more='<mimic joint=""/>')))
+    assert found.joints[0].mimic == Mimic('', 1.0, 0.0)
+    assert found.visuals[0].file == ''
+    with pytest.raises(DescriptionError, match="joint 'j': the child '' is not a link"):
+        parse(robot(joint('j', 'fixed', 'a', ''), links=['a', '']))
+
+
 def test_a_mimic_of_an_unknown_joint_is_named():
     """The joint moves by itself."""
     text = robot(joint('j', 'revolute', 'a', 'b', more='<mimic joint="k"/>'), links='ab')
