@@ -215,7 +215,8 @@ class Page:
 
         Before, the viewer handles the last update.
         """
-        for _ in range(20):
+        # Other viewers may not be read.
+        for _ in range(20 if len(self.view.viewers) > 1 else 1000):
             if all(viewer.is_due for viewer in self.view.viewers.values()):
                 break
             with suppress(TimeoutError):

@@ -180,9 +180,7 @@ def page():
 def connected(page):
     """Connect a viewer, and wait until it has received the controls of the page."""
     with closing(Viewer(page.port)) as viewer:
-        labels = 'Axis length (m)', 'Fixed frame', 'View', 'Frame', 'Play'
-        viewer.until(lambda: {*labels} <= {props.get('label') for props in viewer.gui.values()},
-                     page.update)
+        viewer.until(lambda: viewer.text('tree'), page.update)
         viewer.last.clear()
         yield viewer
 
