@@ -42,7 +42,7 @@ PERIOD = tau / 0.1
 PICTURES, DURATION = 63, 100
 #: The parts of a page with the tree, and with the bar of a bag (pixels).
 LEFT, FOOT = (FloatRect(x=x, y=y, width=width, height=height) for x, y, width, height in (
-    (0, 0, 700, 420), (340, 585, 960, 210)))
+    (0, 0, 700, 480), (330, 585, 600, 210)))
 SOFTWARE = ('--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader')
 
 

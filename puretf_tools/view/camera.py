@@ -26,13 +26,11 @@ _FAR = 1000.0
 #: one, so that what lies above another is drawn above it.
 _ANGLE, _TOP_ANGLE = 0.8, 0.1
 #: The distance of the camera from the middle of the sphere, in radii of the sphere.
-_DISTANCE = 4.4
-#: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
-#: fraction of the distance the camera looks below the middle.
-_FAR_DISTANCE, _BELOW = 7.0, 0.24
-#: The camera is shifted to the right by half of this width, since the panel covers the right side
-#: of the page; and the height of a page that is not known (pixels).
-_PANEL, _HEIGHT = 390.0, 900.0
+_DISTANCE = 3.6
+#: As above, on a page that is narrower than this (pixels), where the panels cover the lower part:
+#: the distance, and by which fraction of the distance the camera looks below the middle.
+_NARROW, _FAR_DISTANCE, _BELOW = 450.0, 7.0, 0.24
+_HEIGHT = 900.0  # of a page that is not known (pixels)
 
 
 class FirstCamera:
@@ -126,16 +124,13 @@ def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
     angle = _TOP_ANGLE if direction == VIEWS['top'] else _ANGLE
     away = np.array(direction) / np.linalg.norm(direction) * radius
     away *= np.tan(_ANGLE / 2) / np.tan(angle / 2)
-    right = np.cross((0.0, 0.0, 1.0), away)
     width, height = page_size(cameras[0])
-    if width < height:
+    if width < min(height, _NARROW):
         away *= _FAR_DISTANCE
-        up = np.cross(away, right)
+        up = np.cross(away, np.cross((0.0, 0.0, 1.0), away))
         middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
     else:
-        away *= _DISTANCE
-        middle += (right / np.linalg.norm(right) * np.linalg.norm(away)
-                   * np.tan(angle / 2) * _PANEL / height)
+        away *= _DISTANCE * max(1.0, height / width)
     # viser fails if the client has sent an invalid pose.
     for each in cameras:
         with suppress(Exception):

@@ -40,6 +40,7 @@ class Pair:
         self._span = settings.control(gui.add_dropdown('Plot over', tuple(self._spans)))
         self._plots = (_add_plot(gui, 'translation', ('x (m)', 'y (m)', 'z (m)')),
                        _add_plot(gui, 'rotation', ('roll (°)', 'pitch (°)', 'yaw (°)')))
+        self._texts = gui.add_html('')
         self._key = '', '', ''  # the frames and the span
         self._shown: Optional[Transform] = None
         #: What the plots show: the frames, the buffer and the span; the times (ns), the values.
@@ -114,7 +115,8 @@ class Pair:
     def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
         self._shown = transform
         self._numbers.content = html(why_not, 'pair') if transform is None else (
-            _as_table(transform, self._feed.time_text) + _as_texts(transform))
+            _as_table(transform, self._feed.time_text))
+        self._texts.content = _as_texts(transform) if transform else ''
 
     def _show_plots(self, end: Optional[int]) -> None:
         """Show the values up to `end` (ns); hide the plots if there are none."""

@@ -25,8 +25,8 @@ SETTLING = 1.0
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
-#: The width of the panel with the tree (pixels), and a step back or forward (s).
-_TREE_WIDTH, _STEP = 330.0, 0.1
+#: The widths of the panels (pixels), and a step back or forward (s).
+_TREE_WIDTH, _MAIN_WIDTH, _STEP = 320.0, 360.0, 0.1
 
 
 class Panel:
@@ -94,6 +94,8 @@ class Panel:
         self.findings = Findings(gui, panel.add_tab('Findings'), self._feed)
         panel.dock_left()
         panel.set_width(_TREE_WIDTH)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_MAIN_WIDTH)
 
     def _add_view_controls(self, gui: viser.GuiApi) -> None:
         gui.add_button('Copy view').on_click(self._on_copy)

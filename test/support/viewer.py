@@ -237,11 +237,9 @@ class Page:
 
         Meanwhile the page is not updated: an update could overwrite the value before it is read.
         """
-        self.viewer.last.clear()
         self.viewer.set(label, value)
-        self.viewer.send(CAMERA)
-        self.viewer.set('View', 'all')
-        self.viewer.until(lambda: 'SetCameraLookAtMessage' in self.viewer.last)
+        self.viewer.set('Paste view', '{}')  # which the server empties
+        self.viewer.until(lambda: not self.viewer.value('Paste view'))
 
     def until(self, condition):
         """Update the page until a condition holds."""

@@ -61,8 +61,7 @@ class Shown:
 
     def rows(self):
         """Return the cells in each row of the table, after the one with the label."""
-        table = self.text().partition('</table>')[0]
-        return [re.findall('<td[^>]*>([^<]*)', row)[1:] for row in table.split('<tr>')[1:]]
+        return [re.findall('<td[^>]*>([^<]*)', row)[1:] for row in self.text().split('<tr>')[1:]]
 
     def translation(self):
         """Return x, y, z (m) in the table; [] if there is none."""
@@ -78,7 +77,8 @@ class Shown:
 
     def copied(self):
         """Return the lines to copy."""
-        return [*map(unescape, re.findall('<pre[^>]*>([^<]*)</pre>', self.text()))]
+        self.viewer.until(lambda: self.viewer.text('copy'))
+        return [*map(unescape, re.findall('<pre[^>]*>([^<]*)</pre>', self.viewer.text('copy')))]
 
 
 @pytest.fixture

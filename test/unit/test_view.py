@@ -773,11 +773,11 @@ def test_the_camera_moves_to_frames(page):
         return target or [0.0] * 3, distance
 
     shown.viewer.set('View', 'all')
-    shown.until(lambda: camera()[1] > 6.0 and 1.4 < camera()[0][0] < 3.0)
+    shown.until(lambda: camera()[1] > 5.0 and 1.4 < camera()[0][0] < 3.0)
     shown.set('Frame', 'tip')
     shown.update()
     shown.viewer.press('F')
-    shown.until(lambda: camera()[0][0] > 3.0 and 2.0 < camera()[1] < 2.5)
+    shown.until(lambda: camera()[0][0] > 2.9 and 1.7 < camera()[1] < 1.9)
     height = camera()[0][2]
     shown.set('Exclude', 'hand|tip')
     shown.update()
@@ -900,7 +900,7 @@ def test_the_first_camera(page, clock):
         buffer.insert(T + second * S, 'base', 'hand', pose(-10.0 if second == 3 else 1.0))
         shown.step()
     clock[0] += 5.0
-    shown.until(lambda: viewer.distance() > 20.0)
+    shown.until(lambda: viewer.distance() > 19.0)
     assert viewer.last['SetCameraLookAtMessage']['look_at'][0] < -3.5
     target = shown.server.initial_camera.look_at.tolist()
     there = shown.server.initial_camera.position.tolist()
