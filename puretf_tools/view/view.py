@@ -248,6 +248,8 @@ class Viewer:
         if self._goal and player and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
+        if not self._placement and not player:
+            self._look_back(place)
         placement = self._placement = self._place(place, until)
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
@@ -271,6 +273,13 @@ class Viewer:
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self._pace.when_handled(self._scene.move)
         self._store(now)
+
+    def _look_back(self, place: Callable[[str, int], Placement]) -> None:
+        """Let the first camera show where live frames have been."""
+        end = max((frame.latest for frame in self._buffer.frames()), default=0)
+        for time in range(end - 2 * LENGTH * SECOND, end, 4 * SECOND):
+            past = place(self._panel.fixed.chosen, max(1, time))
+            self.first_camera.extend(self._scene.seen(past, past.names))
 
     def _take_clicks(self, placement: Placement) -> None:
         """Select what the viewer has clicked in the tree, in the scene and in the findings."""

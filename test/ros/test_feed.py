@@ -1,6 +1,7 @@
 """The frames on /tf and /tf_static, as the web page reads them."""
 
 from threading import Event, Timer
+from time import monotonic
 
 from processes import TIMEOUT
 import pytest
@@ -8,7 +9,7 @@ from ros_node import eventually, LATCHED, stamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
-from puretf import TransformBroadcaster
+from puretf import TFMessage, TransformBroadcaster
 from puretf_tools.robot import description_listener, descriptions
 from puretf_tools.robot.description_listener import RobotListener
 from puretf_tools.view.feed import LiveFeed, Publication
@@ -33,6 +34,7 @@ def publication(ros, make_node):
                 broadcaster.sendTransform(stamped('map', 'robot', now))
 
         def is_measured():
+            feed.watch(monotonic())
             frames = feed.buffer.frames()
             found.extend(map(feed.publication, frames))
             return found and found[-1].rate is not None
@@ -60,8 +62,35 @@ def test_two_viewers_look_at_two_frames(ros):
         broadcaster.sendTransform([stamped('map', name, now) for name in ('one', 'two')])
 
     ros.node.create_timer(0.02, send)
-    ros.until(lambda: (frames := feed.buffer.frames()) and all(
-        each.rate is not None for each in map(feed.publication, frames)))
+    def is_measured():
+        feed.watch(monotonic())
+        found = [*map(feed.publication, feed.buffer.frames())]
+        return found and all(each.rate is not None for each in found)
+
+    ros.until(is_measured)
+
+
+def test_what_is_wrong_is_found(ros, make_node):
+    """Without another subscription to /tf: two publishers, and half of the robot elsewhere."""
+    feed = LiveFeed(ros.node)
+    first, second = (TransformBroadcaster(make_node(name)) for name in ('a', 'b'))
+    elsewhere = ros.node.create_publisher(TFMessage, '/robot/tf', 10)
+
+    def send():
+        now = ros.node.get_clock().now().nanoseconds
+        for broadcaster in first, second:
+            broadcaster.sendTransform(stamped('map', 'robot', now))
+        elsewhere.publish(TFMessage(transforms=[stamped('robot', 'wheel', now)]))
+
+    def is_found():
+        feed.watch(monotonic())
+        return {('two_publishers', ('/a', '/b')), ('half_namespace', ('/a', '/b', '/test'))} <= {
+            (each.code, (*sorted(each.nodes),)) for each in feed.findings}
+
+    ros.node.create_timer(0.02, send)
+    ros.until(is_found)
+    assert feed.verdict.startswith('2 errors: ')
+    assert ros.node.count_subscribers('/tf') == 1
 
 
 def test_a_middleware_that_does_not_report_gids(handles, publication):

@@ -918,6 +918,16 @@ def test_the_first_camera(page, clock):
     assert not viewer.distance()
 
 
+def test_the_first_camera_shows_where_frames_have_been(page):
+    """In the last 40 s, before the page was opened."""
+    buffer = TransformBuffer(40 * S)
+    for second in range(41):
+        buffer.insert(T + second * S, 'map', 'base', pose(-float(second) if second < 30 else 0.0))
+    shown = page(live(buffer))
+    shown.until(lambda: shown.viewer.distance() > 50.0)
+    assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] < -13.0
+
+
 def test_focus_without_frames(page):
     """Nothing moves, and the viewer stays connected."""
     shown = page(live(TransformBuffer()))
