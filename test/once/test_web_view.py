@@ -195,7 +195,7 @@ def test_the_tree_and_the_findings_in_a_browser(ros, start, tmp_path):
     Robot(ros)
     view = start(*tool('web_view'), domain=ros.domain)
     with ros.spinning(), pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], 1300, 800)
+        page = open_url(view.line_with('look at http').split()[-1])
         for name, code in ('base_lnk', 'similar_name'), (LINKS[3], 'two_publishers'):
             page.until(lambda: page.rows().get(name, '').endswith(f'⚠ {code}'))  # noqa: B023
         page.open_tab('Findings')
@@ -231,7 +231,7 @@ def test_a_view_that_stays_and_is_sent(start, tmp_path):
 
     view, url = serve()
     with pages() as open_url:  # each page has a storage of its own, as those of two browsers
-        page = open_url(url, 1300, 800)
+        page = open_url(url)
         page.scene_with(*FRAMES)
 
         def set_up():
@@ -261,7 +261,7 @@ def test_a_view_that_stays_and_is_sent(start, tmp_path):
         page.button('Copy view')
         page.until(lambda: page.page.locator('[data-text="view"]').count())
         text = page.page.inner_text('[data-text="view"]')
-        other = open_url(url, 1300, 800)
+        other = open_url(url)
         other.scene_with(*FRAMES)
         other.open_tab('Display')
         other.fill('Paste view', text)
@@ -271,7 +271,7 @@ def test_a_view_that_stays_and_is_sent(start, tmp_path):
         page.scene_with('end_effector')
         (tmp_path / 'view.json').write_text(text)
         _, url = serve('--view', str(tmp_path / 'view.json'))
-        third = open_url(url, 1300, 800)
+        third = open_url(url)
         third.until(lambda: shows(third))
         page.faults.clear()  # the connection that was lost
 
@@ -285,7 +285,7 @@ def test_the_keys_and_the_bar_of_a_bag(start, tmp_path):
     url = view.line_with('look at http').split()[-1]
     time.sleep(2.0)
     with pages() as open_url:
-        page = open_url(url, 1300, 800)
+        page = open_url(url)
         position = '[data-text="time"]'
         page.until(lambda: page.page.inner_text(position))
         assert float(page.page.inner_text(position).split()[0]) < 15.0
@@ -306,7 +306,7 @@ def test_a_pair_in_a_browser(start, tmp_path):
     start(*ARM)
     view = start(*tool('web_view'))
     with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], 1300, 800)
+        page = open_url(view.line_with('look at http').split()[-1])
         page.scene_with(*FRAMES)
         page.open_tab('Pair')
         page.button('joint_2')
@@ -339,7 +339,7 @@ def test_everybody_can_use_the_page(start):
     start(*ARM)
     view = start(*tool('web_view'))
     with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], 1300, 800)
+        page = open_url(view.line_with('look at http').split()[-1])
         page.scene_with(*FRAMES)
         for is_dark, tabs in (
                 (False, ('Findings', 'Tree', 'Pair', 'By hand', 'Robot', 'Frame')),

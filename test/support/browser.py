@@ -232,7 +232,7 @@ def pages() -> Iterator[Callable[..., BrowserPage]]:
             '--no-sandbox', *_NOTHING_BEYOND_LOOPBACK, *_IN_SOFTWARE])
         opened: list[BrowserPage] = []
 
-        def open_page(url: str, width: int = 1000, height: int = 700) -> BrowserPage:
+        def open_page(url: str, width: int = 1500, height: int = 800) -> BrowserPage:
             opened.append(BrowserPage(
                 browser.new_page(viewport={'width': width, 'height': height}), url))
             return opened[-1]
