@@ -50,7 +50,7 @@ setup(
         # Upper bounds: the package uses private parts of rclpy and viser, see
         # test_private_apis.py; rosbags has no stable version yet.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
-                'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
+                'psutil>=5.9', 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
         'robot': ['xacro'],
         'view': ['viser>=1.1.1,<1.2', 'pycollada', 'trimesh>=4.6', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'pygraphviz',
@@ -63,7 +63,7 @@ setup(
         'release': ['build', 'twine'],
         'test': ['axe-playwright-python', 'check-jsonschema', 'colcon-common-extensions',
                  'hypothesis', 'mcap', 'mypy', 'playwright', 'pypdf', 'pytest', 'pytest-xdist',
-                 'ruff', 'wheel', 'zizmor'],
+                 'ruff', 'types-psutil', 'wheel', 'zizmor'],
     },
     zip_safe=True,
     maintainer='dummy_arm developers',

@@ -12,10 +12,19 @@ from typing import Optional
 
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.observer import MOST, Observer, START
-from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RUN, OK, Report
+from dummy_arm.grading.records import (
+    DOMAINS,
+    Grade,
+    Message,
+    MOST,
+    NOT_JUDGED,
+    NOT_OK,
+    NOT_RUN,
+    OK,
+    Report,
+    START,
+)
 from dummy_arm.grading.requirements import check
-from dummy_arm.grading.supervisor import DOMAINS
 from puretf import visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
@@ -135,6 +144,7 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
 
 
 def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> Report:
+    from dummy_arm.grading.observer import Observer
     from puretf_tools.cli.node import spinning_node
     with spinning_node('check_arm', ros_args, namespace) as node:
         observer = Observer(node)

@@ -1,16 +1,39 @@
 """Judge the arm of the lab's final task: requirements, running hand-ins, drawings."""
 
-from typing import Any, TYPE_CHECKING
+from collections.abc import Callable, Generator, Sequence
+import sys
+from typing import TYPE_CHECKING
+
+from puretf_tools.cli.parser import CommandError
 
 if TYPE_CHECKING:
-    from dummy_arm.grading.hand_ins import grade as grade
+    from dummy_arm.grading.records import Grade
 
 __all__ = ['grade']
 
 
-def __getattr__(name: str) -> Any:
-    """Import `grade` on its first use; the workers of `hand_ins` import this package, too."""
-    if name == 'grade':
-        from dummy_arm.grading.hand_ins import grade
-        return grade
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
+          on_wait: Callable[[float, str], object] = lambda done, what: None
+          ) -> 'Generator[Grade, None, None]':
+    """
+    Run each program in a ROS domain of its own, and judge the arm that it publishes.
+
+    Each program runs under a process of its own, which ends all that the program starts. In the
+    end, programs that a signal has ended run again, one after the other, since another program may
+    have sent it. The iteration must be in the main thread, and nothing else may start processes
+    meanwhile.
+
+    :param files: the paths of the programs, or of the folders in which they lie.
+    :param seconds: how long to observe each arm (s).
+    :param jobs: how many programs run at the same time, at most 17.
+    :param on_wait: called every 0.05 s with the number of hand-ins that are graded, those that run
+        in part, and with what is waited for.
+    :returns: an iterator of the grades, in the order in which the programs end; closing it ends
+        the programs. It raises KeyboardInterrupt at Ctrl-C, and at a SIGTERM that no program has
+        sent.
+    :raises CommandError: if this is not Linux, or psutil is missing.
+    """
+    if sys.platform != 'linux':
+        raise CommandError('programs can be run on Linux only; record a bag, and use --bag')
+    from dummy_arm.grading.hand_ins import graded
+    return graded(files, seconds, jobs, on_wait)

@@ -4,12 +4,13 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 import logging
+from multiprocessing.connection import Connection
 import os
 from pathlib import Path
 import re
 from unicodedata import normalize
 
-from dummy_arm.grading.records import NOT_JUDGED, NOT_OK, OK
+from dummy_arm.grading.records import NOT_OK, OK
 from dummy_arm.grading.requirements import FRAMES
 from puretf import comma_list, quoted, shortened
 from puretf_tools.cli.parser import CommandError
@@ -42,15 +43,15 @@ def fault_of_drawing(path: Path) -> str:
         return f'It cannot be read: {error.strerror}.'
 
 
-def main(write: Callable[[str], object], path: str) -> None:
-    """Write the result for a drawing; see `dummy_arm.grading.supervisor`."""
+def read_drawing(connection: Connection, path: str) -> None:
+    """Send the result for a drawing; see `dummy_arm.grading.supervisor`."""
     import resource
     resource.setrlimit(resource.RLIMIT_AS, 2 * (_MOST_MEMORY,))
     try:
         fault = fault_of_drawing(Path(path))
-        write(f'{NOT_OK}: {fault}' if fault else OK)
+        connection.send(f'{NOT_OK}: {fault}' if fault else OK)
     except CommandError as error:
-        write(f'{NOT_JUDGED}: {error}')
+        connection.send(error)
 
 
 def _fault_of_pdf(path: Path) -> str:

@@ -1,194 +1,144 @@
-"""Grade hand-ins, several at the same time."""
+"""Run hand-ins, several at the same time, each under a process of its own."""
 
 from collections import deque
-from collections.abc import Collection, Generator, Iterator, Sequence
-from contextlib import ExitStack
-import json
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 import os
+import random
 import signal
+import socket
+from subprocess import TimeoutExpired
 import sys
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 import time
+from typing import Optional
 
-from dummy_arm.grading.processes import (
-    become_subreaper,
-    descendants,
-    end_descendants,
-    how_it_ended,
-    next_signal,
-    Signal,
-    Worker,
-)
-from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, Report
-from dummy_arm.grading.supervisor import remove, SIGNAL
-from puretf import visible
-from puretf_tools.cli.parser import CommandError
-from puretf_tools.cli.signals import signals_blocked
+import psutil
 
-#: A process is given up if it writes nothing for this time (s).
-_SILENCE = 60.0
+from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
+from dummy_arm.grading.records import DOMAINS, Grade, NOT_JUDGED
+from dummy_arm.grading.supervisor import longest, supervise
+from puretf.domains import used_domains
+
+_SIGNALS = signal.SIGINT, signal.SIGTERM
 #: How long to wait for a signal before the next look at the processes (s).
 _STEP = 0.05
-#: How many signals are handled before the next look: a program may send them without end.
-_MOST_SIGNALS = 100
-#: How long to wait for the end of the processes that run programs (s).
-_LONGEST_END = 30.0
-#: The signals of a terminal, and of a machine that is shut down.
-_ENDING = (signal.SIGINT, signal.SIGTERM) if sys.platform == 'win32' else (
-    signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGTSTP)
+#: A process that runs a program is stopped if it takes so much longer than it may (s).
+_MARGIN = 30.0
+#: About how long a hand-in takes besides the observation (s), for the progress.
+_USUAL_START = 4.0
 
 
-def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
-          silence: float = _SILENCE) -> Generator[Grade, None, None]:
-    """
-    Run each program in a ROS domain of its own, and judge the arm that it publishes.
-
-    Each program runs under a process of its own, which ends all that the program starts. A signal
-    that a program sends to this process only makes it fail. In the end, programs whose grade is
-    not certain run again, one after the other: those that another process may have disturbed, and
-    those that may have sent a signal, since the process that has sent it has ended. This function
-    must be called in the main thread, and nothing else may start processes meanwhile.
-
-    :param files: the paths of the programs, or of the folders in which they lie.
-    :param seconds: how long to observe each arm (s).
-    :param jobs: how many programs run at the same time, at most 17.
-    :param silence: how long to wait for a sign of life of the processes that observe (s).
-    :returns: an iterator of the grades, in the order in which the programs end; closing it ends
-        the programs.
-    :raises CommandError: if this is not Linux.
-    :raises KeyboardInterrupt: if Ctrl-C, SIGTERM or another signal was received that no program
-        has sent.
-    """
-    if sys.platform != 'linux':
-        raise CommandError('programs can be run on Linux only; record a bag, and use --bag')
-    older = descendants(os.getpid()).keys()
+def graded(files: Sequence[str], seconds: float, jobs: int,
+           on_wait: Callable[[float, str], object]) -> Generator[Grade, None, None]:
+    """Yield what `dummy_arm.grading.grade` returns."""
     running: list[_Run] = []
-    uncertain: dict[str, bool] = {}  # by file: whether it may have sent a signal
-    with ExitStack() as stack:
-        stack.enter_context(signals_blocked())
-        stack.callback(_forget_signals)
-        become_subreaper()
-        stack.callback(become_subreaper, False)
-        stack.callback(_end, running, older)
-        for is_again in False, True:
-            waiting = deque(uncertain if is_again else files)
+    killed: list[str] = []
+    count = 0
+    with _cleanup(running) as end_orphans:
+        for round_, most in (files, jobs), (killed, 1):
+            waiting = deque(round_)
             while waiting or running:
-                while waiting and len(running) < (1 if is_again else jobs):
-                    file = waiting.popleft()
-                    try:
-                        running.append(_Run(file, seconds, silence))
-                    except OSError as error:  # for example, the disk is full
-                        yield Grade(file, None, f'check_arm failed: {error}', NOT_JUDGED)
-                _note_signals(running, _STEP)
-                for run in [*running]:
-                    if not run.is_over():
-                        continue
-                    _note_signals(running, 0.0)
+                if waiting and len(running) < most and (reservation := _reserved_domain()):
+                    running.append(_Run(waiting.popleft(), seconds, reservation))
+                _wait_for_signal()
+                names = ', '.join(run.file for run in running)
+                on_wait(count + sum(run.progress for run in running),
+                        f'running {names}' if names else 'waiting for a free ROS domain')
+                for run in [each for each in running if each.is_over()]:
                     running.remove(run)
-                    result, is_certain = run.grade()
-                    end_descendants({*older, *(other.worker.pid for other in running)})
-                    if not is_certain and not is_again:
-                        uncertain[run.file] = bool(run.suspicion)
-                    elif run.suspicion and uncertain.get(run.file):
-                        yield result._replace(reason=run.suspicion, verdict=NOT_OK)
+                    result, was_killed = run.result()
+                    end_orphans()
+                    if was_killed and round_ is files:
+                        killed.append(run.file)
                     else:
+                        count += 1
                         yield result
 
 
-def _note_signals(running: 'Sequence[_Run]', seconds: float) -> None:
-    """
-    Wait for signals for some time, and note which programs have sent them, or may have.
+@contextmanager
+def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
+    """Block signals, and adopt orphans; yield what ends those that belong to none that runs."""
+    older = {child.pid for child in psutil.Process().children()}
 
-    :raises KeyboardInterrupt: if none of the programs has sent a signal.
-    """
-    for _ in range(_MOST_SIGNALS):
-        if not (received := next_signal(seconds)):
-            break
-        seconds = 0.0
-        if _is_from_program(received, running):
-            continue
-        if received.origin or (received.is_of_kernel and received.number in _ENDING):
-            if received.number != signal.SIGTSTP:
-                raise KeyboardInterrupt
-            os.kill(os.getpid(), signal.SIGSTOP)  # Ctrl-Z
-            continue
+    def end_orphans() -> None:
+        end_descendants({*older, *(run.worker.pid for run in running)})
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    become_subreaper()
+    try:
+        yield end_orphans
+    finally:
         for run in running:
-            run.suspicion = f'It sent {received.name} to check_arm.'
-        print(f'check_arm: warning: {received.name} is ignored: process {received.pid}, which has '
-              'sent it, has ended, and may belong to a hand-in. Ctrl-C ends check_arm.',
-              file=sys.stderr)
-    for run in running:
-        for received in run.signals():
-            if not _is_from_program(received, running) and not received.origin:
-                run.suspicion = f'It sent {received.name} to check_arm.'
+            run.worker.connection.close()  # it ends what it has started
+        deadline = time.monotonic() + _MARGIN
+        while running:
+            run = running.pop()
+            with suppress(TimeoutExpired):
+                run.worker.wait(max(0.0, deadline - time.monotonic()))
+        end_orphans()
+        become_subreaper(False)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _is_from_program(received: Signal, running: 'Sequence[_Run]') -> bool:
-    """Return whether a program has sent a signal; if so, end the program."""
-    for run in running:
-        if run.worker.pid in received.origin:
-            run.fault = f'It sent {received.name} to check_arm.'
-            run.worker.finish()
-            return True
-    return os.getpid() in received.origin  # the process that ran the program was killed
+def _reserved_domain() -> Optional[tuple[int, socket.socket]]:
+    """Reserve a ROS domain that nobody uses, by a socket that other calls respect."""
+    used = used_domains()
+    for domain in random.sample(DOMAINS, len(DOMAINS)):
+        reservation = socket.socket(socket.AF_UNIX)
+        with suppress(OSError):
+            if domain not in used:
+                reservation.bind(f'\0dummy_arm.check_arm.{domain}')
+                return domain, reservation
+        reservation.close()
+    return None
 
 
-def _end(running: 'Sequence[_Run]', older: Collection[int]) -> None:
-    """End all processes that run programs, and the processes that these have left."""
-    for run in running:
-        run.worker.finish()
-    deadline = time.monotonic() + _LONGEST_END
-    for run in running:
-        run.end(deadline - time.monotonic())
-    end_descendants(older)
-
-
-def _forget_signals() -> None:
-    """Forget the signals that were sent meanwhile, but not without end."""
-    for _ in range(_MOST_SIGNALS):
-        if not next_signal(0.0):
-            break
+def _wait_for_signal() -> None:
+    """Wait for a moment; raise KeyboardInterrupt at a signal that comes from no program."""
+    if not (received := signal.sigtimedwait(_SIGNALS, _STEP)):
+        return
+    # A terminal has no process id, and the sender has ended if it is pkill.
+    with suppress(psutil.NoSuchProcess):
+        if not received.si_pid or os.getpid() not in [
+                each.pid for each in psutil.Process(received.si_pid).parents()]:
+            raise KeyboardInterrupt
+    print(f'check_arm: warning: {signal.Signals(received.si_signo).name} is ignored, since '
+          'a program may have sent it; Ctrl-C ends check_arm', file=sys.stderr)
 
 
 class _Run:
-    """A process that runs a program; see `dummy_arm.grading.supervisor`."""
+    """A process that runs a hand-in."""
 
-    def __init__(self, file: str, seconds: float, silence: float) -> None:
-        self.file = file
-        #: A signal that the program has sent, and one that it may have sent.
-        self.fault = self.suspicion = ''
-        self._directory = mkdtemp(prefix='check_arm_')
-        self.worker = Worker('supervisor', file, seconds, silence, self._directory)
-        self._read = 0  # how much of what the worker has written was looked at (bytes)
+    def __init__(self, file: str, seconds: float, reservation: tuple[int, socket.socket]) -> None:
+        self.file, self._seconds, self._reservation = file, seconds, reservation
+        self._directory = TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True)
+        self.worker = Worker(supervise, file, seconds, reservation[0], self._directory.name)
+        self._start = time.monotonic()
 
-    def signals(self) -> Iterator[Signal]:
-        """Yield the signals that the process has received since the last call."""
-        end = self.worker.written.rfind(b'\n') + 1
-        for line in self.worker.written[self._read:end].splitlines():
-            if line.startswith(SIGNAL.encode()):
-                yield Signal(*json.loads(line[len(SIGNAL):]))
-        self._read = end
+    @property
+    def _time(self) -> float:
+        return time.monotonic() - self._start
+
+    @property
+    def progress(self) -> float:
+        """About which part of the work is done."""
+        return min(1.0, self._time / (self._seconds + _USUAL_START))
 
     def is_over(self) -> bool:
-        """Return whether the process has ended or is silent."""
-        return self.worker.read() or self.worker.silence > _SILENCE
+        """Return whether the process has answered, has ended or takes too long."""
+        return (self.worker.connection.poll()
+                or self._time > longest(self._seconds) + _MARGIN)
 
-    def end(self, seconds: float) -> int:
-        """Wait some time for the end of the process, then kill it; return its exit code."""
-        code = self.worker.end(seconds)
-        remove(self._directory)
-        return code
-
-    def grade(self) -> tuple[Grade, bool]:
-        """End the process; return the grade, and whether it is certain."""
-        is_silent = self.worker.silence > _SILENCE
-        code = self.end(0.0 if is_silent else _LONGEST_END)
-        if self.fault:
-            return Grade(self.file, None, self.fault, NOT_OK), True
-        if code:
-            how = (f'has said nothing for {_SILENCE:g} s: it was stopped, or hangs.' if is_silent
-                   else f'ended {how_it_ended(code)}.')
-            return Grade(self.file, None, f'The process that runs it {how}', NOT_JUDGED), True
-        (file, report, reason, *rest), is_certain = json.loads(self.worker.last_line)
-        result = Grade(file, report and Report.from_json(*report), visible(reason), *rest)
-        return result, is_certain and not self.suspicion
+    def result(self) -> tuple[Grade, bool]:
+        """End the process; return the grade, and whether a signal has ended the program."""
+        result = None
+        with suppress(EOFError):
+            if self.worker.connection.poll():
+                result = self.worker.answer()
+        how = self.worker.end()
+        self._reservation[1].close()
+        with suppress(RecursionError):  # of too many directories in each other
+            self._directory.cleanup()
+        return result or (Grade(self.file, None, f'The process that runs it ended {how}.',
+                                NOT_JUDGED), False)

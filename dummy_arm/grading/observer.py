@@ -1,31 +1,23 @@
 """The listener that observes an arm, in the process of a command or in one of its own."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-import json
-import os
-from select import select
+from multiprocessing.connection import Connection
 import time
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 import warnings
 
-from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, processes
+from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, start_of
 from dummy_arm.grading.program import ProgramError
-from dummy_arm.grading.records import Message, Publisher, Report
+from dummy_arm.grading.records import Message, MOST, Publisher, Report, START
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-#: How long to wait for the first transform on /tf (s).
-START = 20.0
 #: How long a late listener waits for base_link (s).
 _LATE = 10.0
-#: The largest number of transforms that are judged.
-MOST = 1_000_000
-#: The line that an observer writes when its program may start.
-READY = 'ready'
 
 
 class Observer:
@@ -62,9 +54,7 @@ class Observer:
 
     def publishers(self) -> list[Publisher]:
         """Return the publishers that have been seen, those of the oldest process first."""
-        found = processes()
-        return sorted(self._publishers.values(), key=lambda each: (
-            found[each.pid].start if each.pid in found else 0))
+        return sorted(self._publishers.values(), key=lambda each: start_of(each.pid))
 
     def _reaches_late_joiners(self) -> bool:
         """Return whether a listener that starts now receives base_link on /tf_static."""
@@ -96,58 +86,36 @@ class Observation(NamedTuple):
     report: Report
     has_messages: bool
     wrong_type: str  #: who publishes another type than TFMessage; '' if nobody does
-    publishers: list[Publisher]
-
-    @classmethod
-    def from_json(cls, text: bytes) -> 'Observation':
-        """Read the last line that `main` writes, or raise the error that it says."""
-        result = json.loads(text)
-        if isinstance(result, str):
-            raise CommandError(result)
-        if len(result) == 1:
-            raise ProgramError(*result)
-        report, has_messages, wrong_type, publishers = result
-        return cls(Report.from_json(*report), has_messages, wrong_type,
-                   [Publisher(*each) for each in publishers])
+    has_broadcaster: bool
 
 
-def main(write: Callable[[str], object], seconds: float, domain: int) -> None:
+def observe(connection: Connection, seconds: float, domain: int) -> None:
     """
-    Observe an arm from the next line of the standard input on; at its end, report at once.
+    Observe an arm.
 
-    :param write: writes empty lines, which are signs of life, the line READY, and the last line,
-        JSON: an Observation, or [text] of a ProgramError, or the text of a CommandError.
+    :param connection: sends an empty text when the arm may begin; then, after any message is
+        received, the observation begins, and after the next one, it ends at once; sends an
+        Observation, or a CommandError, which is a ProgramError if the program is to blame.
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
     """
     warnings.simplefilter('ignore')  # of numbers that are too large
-    end_with_parent()  # also if the middleware hangs, so that the end of the input is not noticed
+    end_with_parent()  # also if the middleware hangs
+    result: object
     try:
-        result: Any = _observe(seconds, domain, write)
-    except ProgramError as error:
-        result = [str(error)]
+        with _node_in(domain) as node:
+            observer = Observer(node)
+            connection.send('')
+            connection.recv()
+            wait_until(START, lambda: observer.poll() or connection.poll())
+            if observer.has_started:
+                wait_until(seconds, lambda: observer.poll() and connection.poll())
+            result = Observation(
+                observer.report(connection.poll()), bool(observer.messages),
+                observer.listener.wrong_type_hint(), bool(observer.publishers()))
     except CommandError as error:
-        result = str(error)
-    write(json.dumps(result))
-
-
-def _observe(seconds: float, domain: int, write: Callable[[str], object]) -> Observation:
-    with _node_in(domain) as node:
-        observer = Observer(node)
-        write(READY)
-        is_over = not os.read(0, 1)
-
-        def is_to_end() -> bool:
-            nonlocal is_over
-            write('')
-            is_over = is_over or bool(select([0], [], [], 0)[0])
-            return is_over
-
-        wait_until(START, lambda: observer.poll() or is_to_end())
-        if observer.has_started:
-            wait_until(seconds, lambda: observer.poll() and is_to_end())
-        return Observation(observer.report(is_over), bool(observer.messages),
-                           observer.listener.wrong_type_hint(), observer.publishers())
+        result = error
+    connection.send(result)
 
 
 @contextmanager

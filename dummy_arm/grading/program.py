@@ -1,12 +1,13 @@
 """The program that a student has handed in: find it, refuse it or run it."""
 
 import ast
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 import os
 from pathlib import Path
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,14 +17,23 @@ from typing import Optional
 
 from dummy_arm.grading.processes import end_with_parent, how_it_ended
 from puretf import abbreviated, visible
-from puretf.domains import command_of
 from puretf_tools.cli.parser import CommandError
-from puretf_tools.cli.signals import wait_until
 
 #: How long to wait until a program has ended after SIGINT (s).
 _GRACE = 3.0
 #: The largest source, the largest output, and the largest file that a program writes (bytes).
 _LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 1_000_000, 200_000_000
+#: How much a process may hold that is not shared (bytes), with the stacks of its threads, and how
+#: many files are copied.
+_MOST_DATA, _MOST_COPIED = 2**32, 1000
+#: The program that runs a program; if it does not call its main(), as `ros2 run` does, this
+#: follows.
+_RUN = """
+import os, runpy, sys
+path = os.environ.pop('CHECK_ARM_PROGRAM')
+sys.argv = [path]
+sys.path.insert(0, os.path.dirname(path))
+runpy.run_path(path, run_name='__main__')"""
 _TRACEBACK = 'Traceback (most recent call last):'
 #: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
 _PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
@@ -50,24 +60,6 @@ def program_in(path: Path) -> Path:
         if os.path.isfile(program := path / place / 'dummy_arm.py'):
             return program
     raise ProgramError(f'no dummy_arm.py in {path}')
-
-
-def arguments_of(path: Path) -> list[str]:
-    """Return the arguments with which Python runs a program, or raise why it is not run."""
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        raise CommandError('Its path is not UTF-8, so rclpy fails: rename it.') from None
-    tree = _parsed(_source(path), path)
-    for line, name in _names_of_modules(tree):
-        if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
-            raise ProgramError(f'It uses {name} of this package (line {line}): the arm must be '
-                               'its own.')
-    path = path.absolute()
-    if not _has_uncalled_main(tree):
-        return [str(path)]
-    return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
-                  f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
 
 
 def _source(path: Path) -> bytes:
@@ -129,69 +121,71 @@ def _names_of_modules(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
 
 
-def other_arm(pid: int, path: Path) -> str:
-    """Return the arm in the command line of a process; '' if it is none, or the program."""
-    for argument in command_of(pid):
-        if (module := argument.removeprefix('-m')) in _ARM:
-            return module
-        name = os.path.basename(argument)
-        if name not in ('dummy_arm', 'dummy_arm.py'):
-            continue
-        with suppress(OSError, ValueError):  # the process has ended, or no file has this name
-            file = os.path.join(os.readlink(f'/proc/{pid}/cwd'), argument)
-            if os.path.isfile(file) and not os.path.samefile(file, path):
-                return 'the command dummy_arm' if name == 'dummy_arm' else argument
-    return ''
+def _copy(program: Path, name: str, directory: Path) -> None:
+    """Copy a program, and what lies beside it, but for what is hidden, large or too much."""
+    left = _MOST_COPIED
+    for folder, folders, files in os.walk(program.parent):
+        folders[:] = [each for each in folders if not each.startswith('.')]
+        target = directory / os.path.relpath(folder, program.parent)
+        target.mkdir(exist_ok=True)
+        for path in (Path(folder, each) for each in files if left > 0):
+            if path.is_file() and path.stat().st_size <= _LONGEST_SOURCE:
+                left -= 1
+                with suppress(OSError):
+                    shutil.copyfile(path, target / path.name)
+        if left <= 0:
+            break
+    shutil.copyfile(program, directory / name)
 
 
 def _prepare() -> None:
     """Prepare a child of this process, which has no other threads, to run a program."""
     import resource
     end_with_parent()
-    limits = [each for each in resource.getrlimit(resource.RLIMIT_FSIZE) if each >= 0]
-    resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (min([_LONGEST_FILE, *limits]),))
+    for kind, most in ((resource.RLIMIT_FSIZE, _LONGEST_FILE), (resource.RLIMIT_CORE, 0),
+                       (resource.RLIMIT_DATA, _MOST_DATA)):
+        limits = [each for each in resource.getrlimit(kind) if each >= 0]
+        resource.setrlimit(kind, 2 * (min([most, *limits]),))
     signal.pthread_sigmask(signal.SIG_SETMASK, [])
 
 
 class Program:
-    """A student's program in a session of its own; its output is limited."""
+    """A student's program, in a copy of its folder and a session of its own."""
 
-    def __init__(self, path: Path, arguments: Sequence[str], domain: int, directory: str) -> None:
+    def __init__(self, path: Path, domain: int, directory: str) -> None:
         """
-        Start the program.
+        Copy a program and its folder; raise why it is not run.
 
         :param path: the file of the program.
-        :param arguments: the arguments of Python; see `arguments_of`.
         :param domain: the ROS domain of the program.
-        :param directory: the working directory of the program, which no other process uses.
+        :param directory: an empty directory.
         """
-        environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
-                       'PYTHONUNBUFFERED': '1', 'PYTHONDONTWRITEBYTECODE': '1',
-                       'PYTHONIOENCODING': 'utf-8'}
-        self._stdout, output = os.pipe()
-        os.set_blocking(self._stdout, False)
-        self._process = subprocess.Popen(
-            [sys.executable, *arguments], cwd=directory, env=environment,
-            stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
-            preexec_fn=_prepare)
-        os.close(output)
-        self._path, self._start, self.pid = path, time.monotonic(), self._process.pid
-        self._output = bytearray()
+        tree = _parsed(_source(path), path)
+        for line, name in _names_of_modules(tree):
+            if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
+                raise ProgramError(f'It uses {name} of this package (line {line}): the arm must '
+                                   'be its own.')
+        # rclpy.init() fails if its name is not UTF-8.
+        self._name = path.name.encode(errors='replace').decode()
+        self._folder = Path(directory, 'copy')
+        _copy(path, self._name, self._folder)
+        self._arguments = ['-c', _RUN + '["main"]()' * _has_uncalled_main(tree)]
+        # `pkill -f dummy_arm.py` looks at command lines, but not at the environment.
+        self._environment = {
+            **os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
+            'CHECK_ARM_PROGRAM': str(self._folder / self._name), 'PYTHONUNBUFFERED': '1',
+            'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
+        self._output = os.open(Path(directory, 'output'), os.O_CREAT | os.O_RDWR | os.O_APPEND)
+        self._process: Optional[subprocess.Popen[bytes]] = None
         #: True if `fault` has found that a signal may have ended the program.
         self.may_be_killed = False
 
-    def _read(self) -> None:
-        with suppress(BlockingIOError):
-            while len(self._output) <= _LONGEST_OUTPUT and (
-                    data := os.read(self._stdout, 2**16)):
-                self._output += data
-
-    def _exit_code(self) -> Optional[int]:
-        """Return how the program has ended, but leave it to `end_descendants` to reap it."""
-        ended = os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
-        if ended is None:
-            return None
-        return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+    def start(self) -> None:
+        self._start = time.monotonic()
+        self._process = subprocess.Popen(
+            [sys.executable, *self._arguments], cwd=self._folder, env=self._environment,
+            stdin=subprocess.DEVNULL, stdout=self._output, stderr=self._output,
+            start_new_session=True, preexec_fn=_prepare)
 
     def fault(self) -> str:
         """
@@ -199,14 +193,15 @@ class Program:
 
         :raises CommandError: if the program needs a display, and there is none.
         """
-        code = self._exit_code()
-        self._read()
-        if len(self._output) > _LONGEST_OUTPUT:
+        assert self._process
+        code = self._process.poll()
+        output = os.pread(self._output, _LONGEST_OUTPUT + 1, 0)
+        if len(output) > _LONGEST_OUTPUT:
             return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
-        if code is None and _TRACEBACK.encode() not in self._output:
+        if code is None and _TRACEBACK.encode() not in output:
             return ''
-        text = self._output.decode(errors='replace')
-        error = _error_of(text, self._path.name)
+        text = output.decode(errors='replace')
+        error = _error_of(text, self._name)
         self.may_be_killed = bool(_KILLED.search(error)) if error else code is not None
         last = text.strip().splitlines()[-_LAST_LINES:]
         has_display = os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
@@ -224,11 +219,19 @@ class Program:
         return (f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}{cause}{more}'
                 f'{"" if cause or more else "."}')
 
+    def send(self, number: int) -> None:
+        """Send a signal to the program, and to what it has started in its process group."""
+        if self._process:
+            with suppress(OSError):
+                os.killpg(self._process.pid, number)
+
     def end(self) -> None:
-        """End the program by SIGINT, with which it can leave the ROS graph, and wait a moment."""
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, signal.SIGINT)
-        wait_until(_GRACE, lambda: self._exit_code() is not None)
+        """End the program by SIGINT, with which it can leave the ROS graph, or by SIGKILL."""
+        for number in signal.SIGINT, signal.SIGKILL:
+            self.send(number)
+            if self._process:
+                with suppress(subprocess.TimeoutExpired):
+                    self._process.wait(_GRACE)
 
 
 def _error_of(output: str, name: str) -> str:

@@ -8,6 +8,13 @@ from puretf import visible
 #: The verdicts of a line, of a hand-in (NOT_RUN, too), and of good practice (ADVICE, too).
 OK, NOT_OK, NOT_JUDGED, NOT_RUN, ADVICE = 'ok', 'not ok', 'not judged', 'not run', 'advice'
 
+#: How long to wait for the first transform on /tf (s).
+START = 20.0
+#: The largest number of transforms that are judged.
+MOST = 1_000_000
+#: ROS domains whose ports are outside the range from which Linux takes ports for clients.
+DOMAINS = range(215, 232)
+
 
 class Message(NamedTuple):
     """A message that was received or recorded."""
@@ -44,10 +51,6 @@ class Report(NamedTuple):
     lines: list[Line]  #: the requirements
     advice: list[Line]  #: good practice, which has no influence on `passed`
     passed: bool  #: True if every requirement is met; a late listener need not be judged
-
-    @classmethod
-    def from_json(cls, lines: list[list[str]], advice: list[list[str]], passed: bool) -> 'Report':
-        return cls([Line(*each) for each in lines], [Line(*each) for each in advice], passed)
 
     @property
     def first_failure(self) -> Optional[Line]:

@@ -2,7 +2,7 @@
 
 import signal
 
-from hand_ins import differences, HOSTILE, MISTAKES, MODEL_ANSWER, read_table
+from hand_ins import CHAOS, differences, MISTAKES, MODEL_ANSWER, read_table
 from processes import is_running, tool
 from ros_node import eventually
 
@@ -11,13 +11,13 @@ SELECTED = (
     'only_main.py', 'fixed_step.py', 'full_angle.py', 'base_on_tf.py', 'dropped.py',
     'stamp_once.py', 'another_type.py', 'no_spin.py', 'syntax.py', 'latin_1.py', 'missing.py',
     'crash.py', 'fails_often.py', 'survivors.py', 'endless_line.py', 'deep.py', '=1+1.py',
-    'imports_package.py', 'signals_to_parent.py', 'kills_supervisor.py')
+    'imports_package.py', 'pkill.py', 'kills_parent.py', 'input.py', 'deletes_its_folder.py')
 
 
 def test_programs(start, tmp_path):
     """Each program gets its line, in the order of the arguments, and a row of the table."""
     programs = {'model.py': MODEL_ANSWER, **{
-        name: {**MISTAKES, **HOSTILE}[name] for name in SELECTED}}
+        name: {**MISTAKES, **CHAOS}[name] for name in SELECTED}}
     for name, hand_in in programs.items():
         hand_in.write(tmp_path / name)
     process = start(*tool('check_arm', *programs, '--csv', 'grades.csv', '--jobs', '8'),
@@ -42,7 +42,8 @@ from pathlib import Path
 signal.signal(2, signal.SIG_IGN)
 child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)'],
                          start_new_session=True)
-Path(sys.argv[0]).with_suffix('.pid').write_text(f'{os.getpid()} {child.pid} end')
+path = Path(os.environ['PIDS'], Path(sys.argv[0]).name).with_suffix('.pid')
+path.write_text(f'{os.getpid()} {child.pid} end')
 time.sleep(1000)
 """
 
@@ -58,7 +59,7 @@ def test_ctrl_c_ends_the_programs(start, tmp_path):
     for name, code in ('first.py', ENDLESS), ('fast.py', '1 / 0'), ('last.py', ENDLESS):
         (tmp_path / name).write_text(code)
     process = start(*tool('check_arm', 'first.py', 'fast.py', 'last.py', '--csv', 'grades.csv',
-                          '--jobs', '2'), cwd=tmp_path)
+                          '--jobs', '2'), cwd=tmp_path, environment={'PIDS': str(tmp_path)})
     pids = [*started_pids(tmp_path / 'first.pid'), *started_pids(tmp_path / 'last.pid')]
     process.end(signal.SIGINT)
     assert process.exit_code() == 1
@@ -81,7 +82,7 @@ def test_a_killed_check_arm_leaves_no_program(start, tmp_path):
     (tmp_path / 'endless.py').write_text(ENDLESS)
     (tmp_path / 'fast.py').write_text('1 / 0')
     arguments = tool('check_arm', 'endless.py', 'fast.py', '--csv', 'grades.csv', '--jobs', '2')
-    process = start(*arguments, cwd=tmp_path)
+    process = start(*arguments, cwd=tmp_path, environment={'PIDS': str(tmp_path)})
     pids = started_pids(tmp_path / 'endless.pid')
     eventually(lambda: verdicts(tmp_path) == ['not run', 'not ok'])
     process.end(signal.SIGKILL)

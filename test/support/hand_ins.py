@@ -1,9 +1,9 @@
 """
 Programs that are handed in to check_arm, and what it must say about each.
 
-HOSTILE programs cheat, hang, survive, exhaust the machine or send signals. All of their processes
-end by themselves within 90 s, and they send signals only to check_arm and to what it has started.
-MISTAKES are those of students; some of these programs are right.
+CHAOS are programs that hang, leave processes, exhaust the machine or send signals, as programs do
+that are merely wrong. All of their processes end by themselves within 90 s, and they send signals
+only to check_arm and to what it has started. MISTAKES are those of students; some are right.
 """
 
 from codecs import BOM_UTF8
@@ -42,8 +42,8 @@ def program(*changes):
     return code
 
 
-def attack(code):
-    """Return a program with a limited time; the functions are those that attacks need."""
+def limited(code):
+    """Return a program with a limited time; the functions are those that the programs need."""
     return dedent("""
         import os, signal, subprocess, sys, time
         from pathlib import Path
@@ -75,20 +75,20 @@ def attack(code):
             return found[:-1]
 
 
-        def check_arm():
-            return [pid for pid in ancestors(os.getpid())
-                    if b'e.check_arm()' in command_line(pid)][-1]
-
-
-        def kill_by_name(name, top, spared):
-            # End what has this name in its command line, below a process, but not below another.
+        def pkill(name):
+            # As `pkill -f name`, but only check_arm and what it has started; the sender ends.
+            if os.fork():
+                os.wait()
+                return
+            top = [pid for pid in ancestors(os.getpid()) if b'e.check_arm()' in command_line(pid)]
             for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
                 try:
-                    found = [pid, *ancestors(pid)]
-                    if name in command_line(pid) and top in found and spared not in found:
+                    if (pid != os.getpid() and name in command_line(pid)
+                            and top[-1] in [pid, *ancestors(pid)]):
                         os.kill(pid, signal.SIGTERM)
                 except OSError:
                     pass
+            os._exit(0)
 
         """) + dedent(code)
 
@@ -193,85 +193,45 @@ MISTAKES = {
         'not ok', r'ZeroDivisionError: division by zero \(line \d+\)')}
 
 #: By file.
-HOSTILE = {
+CHAOS = {
     # Signals; the arm is right
-    'signals_to_parent.py': HandIn(attack("""
-        os.kill(os.getppid(), signal.SIGRTMIN + 6)
-        for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP}:
-            os.kill(os.getppid(), number)
-        """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
-    # The sender has ended when its signals are handled, as `pkill -f check_arm` has.
-    'signals_to_check_arm.py': HandIn(attack("""
-        pid = check_arm()
-        if os.fork() == 0:
-            for number in (signal.SIGTSTP, signal.SIGALRM, signal.SIGHUP, signal.SIGUSR1,
-                           signal.SIGSEGV, signal.SIGINT, signal.SIGTERM):
-                os.kill(pid, number)
-            os._exit(0)
-        os.wait()
-        """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
-    # rt_sigqueueinfo(2) lets it name another process as the sender: 1, which is not a hand-in.
-    'forges_sender.py': HandIn(attack("""
-        import ctypes, struct
-        SI_QUEUE, RT_SIGQUEUEINFO = -1, 129
-        info = struct.pack('6i104x', signal.SIGTERM, 0, SI_QUEUE, 0, 1, 0)
-        ctypes.CDLL(None).syscall(RT_SIGQUEUEINFO, check_arm(), signal.SIGTERM, info)
-        """) + program(), 'not ok', 'SIGTERM'),
-    # Like `pkill -f dummy_arm.py`, which also ends the programs that run at the same time, but
-    # only below check_arm.
-    'kills_by_name.py': HandIn(attack("""
-        top = check_arm()
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        if os.fork() == 0:
-            kill_by_name(b'dummy_arm', top, 0)
-            os._exit(0)
-        os.wait()
-        """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
-    # No signal reaches check_arm. The programs that it ends run again.
-    'kills_others.py': HandIn(attack("""
-        top, own = check_arm(), os.getpid()
-        if os.fork() == 0:
-            signal.alarm(90)
-            while True:
-                kill_by_name(b'/dummy_arm.py', top, own)
-                time.sleep(1)
+    'pkill.py': HandIn(limited("""
+        pkill(b'dummy_arm.py')
         """) + program(), 'ok', ''),
-    'kills_supervisor.py': HandIn(attack("""
+    # It also ends the programs that run at the same time, and itself.
+    'pkill_python.py': HandIn(limited("""
+        pkill(b'python')
+        """) + program(), 'not ok', 'by signal 15|exit code 0'),
+    'kills_parent.py': HandIn(limited("""
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(90)
-        """), 'not judged', r'(?i)signal 9|SIGKILL|killed'),
-    'stops_supervisor.py': HandIn(attack("""
-        supervisor = os.getppid()
-        os.kill(supervisor, signal.SIGSTOP)
-        time.sleep(85)
-        if os.getppid() == supervisor:
-            os.kill(supervisor, signal.SIGCONT)
-        """), 'not judged', r'(?i)stopped|SIGSTOP|nothing for'),
+        """), 'not judged', 'The process that runs it ended by signal 9'),
 
-    # Programs that hang
-    'stops_itself.py': HandIn(attack("""
-        pid = os.getpid()
-        if os.fork() == 0:  # SIGALRM does not end a process that is stopped
-            time.sleep(85)
-            if os.getppid() == pid:
-                os.kill(pid, signal.SIGKILL)
-            os._exit(0)
-        os.kill(pid, signal.SIGSTOP)
-        """), 'not ok', '(?i)stopped|SIGSTOP|nothing on /tf'),
-    'sleeps.py': HandIn(attack("""
+    # Programs that end or hang
+    'sys_exit.py': HandIn(program(('rclpy.spin(DummyArm())', 'DummyArm()\n        sys.exit(3)'),
+                                  ('from math', 'import sys\nfrom math')),
+                          'not ok', 'ended by itself .* with exit code 3'),
+    'input.py': HandIn(limited("""
+        name = input('Your name? ')
+        """) + program(), 'not ok', r'EOFError: EOF when reading a line \(line \d+\)'),
+    'endless.py': HandIn(limited("""
+        while True:
+            pass
+        """), 'not ok', r'does rclpy\.spin run\?'),
+    'sleeps.py': HandIn(limited("""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(90)
         """), 'not ok', r'does rclpy\.spin run\?'),
     # PyDLL keeps the GIL, so that Python handles no signal.
-    'blocks.py': HandIn(attack('') + program(
+    'blocks.py': HandIn(limited('') + program(
         ('        now = self', '        self.ticks = getattr(self, "ticks", 0) + 1\n'
                                '        if self.ticks == 200:\n            import ctypes\n'
                                '            ctypes.PyDLL(None).pause()\n        now = self')),
         'not ok', r'joint_1 has not been sent for the last'),
 
     # Survivors
-    'survivors.py': HandIn(attack("""
+    'survivors.py': HandIn(limited("""
         def fork_again_and_again():
             for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
                 signal.signal(number, signal.SIG_IGN)
@@ -279,7 +239,7 @@ HOSTILE = {
             while time.monotonic() < end:
                 if os.fork():
                     os._exit(0)
-                time.sleep(0.01)
+                time.sleep(0.5)
             os._exit(0)
 
         if detached():
@@ -288,26 +248,26 @@ HOSTILE = {
             os.execve('/bin/sleep', ['sleep', '90'], {})
         if detached():
             fork_again_and_again()
+        subprocess.Popen(['sleep', '90'], start_new_session=True)
         """) + program(), 'ok', ''),
-    # A wrong arm, in the domain that another program may get next; its environment is another one.
-    'publishing_survivor.py': HandIn(attack("""
+    # A wrong arm, in the domain that another program may get next.
+    'publishing_survivor.py': HandIn(limited("""
         if len(sys.argv) == 1:
             if detached():
-                os.environ['ROS_LOG_DIR'] = os.getcwd() + '/.'
                 os.execv(sys.executable, [sys.executable, __file__, 'again'])
             sys.exit()
         """) + program(('radians(45)', 'radians(90)')), 'not ok', r'(?i)\bend(s|ed)\b'),
 
     # Programs that take too much
-    # Small processes, whose memory is less than its limit.
-    'fork_bomb.py': HandIn(attack("""
-        for _ in range(600):
-            if os.fork() == 0:
-                os.execv('/bin/sleep', ['sleep', '60'])
+    # 2048 small processes, whose memory is less than its limit.
+    'fork_bomb.py': HandIn(limited("""
+        for _ in range(11):
+            os.fork()
+            signal.alarm(60)
         time.sleep(60)
         """), 'not ok', r'\b256\b|processes'),
     # 2.8 GiB, but only 0.6 GiB in each process.
-    'memory_hog.py': HandIn(attack("""
+    'memory_hog.py': HandIn(limited("""
         for _ in range(5):
             if os.fork() == 0:
                 signal.alarm(60)
@@ -319,8 +279,9 @@ HOSTILE = {
                 os._exit(0)
         time.sleep(60)
         """), 'not ok', r'(?i)\bGiB\b|memory'),
+    'one_large_array.py': HandIn('held = bytearray(2**40)\n', 'not ok', r'MemoryError \(line 1\)'),
     # The first file has no name, so that nothing stays in /tmp.
-    'large_file.py': HandIn(attack("""
+    'large_file.py': HandIn(limited("""
         import tempfile
 
         for file in tempfile.TemporaryFile(dir='/tmp'), open('large', 'wb'):
@@ -329,71 +290,39 @@ HOSTILE = {
                     file.write(bytes(10**6))
         time.sleep(60)
         """), 'not ok', r'(?i)file too large|\b200 MB|SIGXFSZ|signal 25'),
-    'endless_line.py': HandIn(attack("""
+    'endless_line.py': HandIn(limited("""
         while True:
             sys.stdout.write('x' * 2**16)
         """), 'not ok', r'\b1 MB'),
+    'floods.py': HandIn(limited('') + program(
+        ('        self.broadcaster.sendTransform([',
+         '        while True:\n            self.broadcaster.sendTransform(1000 * ['),
+        ('            self.transform(now, parent', '                self.transform(now, parent')),
+        'not ok', 'More transforms arrive|more than once|has not been sent|publishes nothing'),
     'large_source.py': HandIn(program() + '# ' + 2_000_000 * 'x', 'not ok', r'\b1 MB'),
     'deep.py': HandIn('-' * 100_000 + '1\n', 'not ok', 'does not compile'),
 
-    # Cheats
-    'covers_up.py': HandIn(attack('') + program(
-        ('        rclpy.spin(DummyArm())',
-         '        arm = DummyArm()\n        os.close(1)\n        os.close(2)\n'
-         '        rclpy.spin(arm)')), 'ok', ''),
+    # What it changes is a copy
+    'deletes_its_folder.py': HandIn(limited("""
+        import shutil
+        shutil.rmtree(os.path.dirname(__file__))
+        """) + program(), 'ok', ''),
+
     # The row would be a formula in a spreadsheet, and its line would be overwritten in a terminal.
-    '=1+1.py': HandIn(attack(r"""
+    '=1+1.py': HandIn(limited(r"""
         print('\rother: ok\nTraceback (most recent call last):', flush=True)
         time.sleep(2)
         print('  File "a", line 1\n=1+1\x1b[2K\x1b[1A\rother: ok\x07\u202e\nother: ok', flush=True)
         time.sleep(90)
         """), 'not ok', r'=1\+1\\x1b\[2K\\x1b\[1A'),
-    # Without the folder of the program, in which `dummy_arm` is the program itself.
-    'imports_package.py': HandIn(attack("""
-        sys.path.pop(0)
-        from dummy_arm.dummy_arm import main
-        main()
-        """), 'not ok', r'dummy_arm\.dummy_arm'),
-    'imports_by_name.py': HandIn(attack("""
-        import importlib
-        sys.path.pop(0)
-        arm = importlib.import_module('dummy_arm.arm').Arm()
-        """) + program(('limit * sin(speed * t)', 'angle'),
-                       ('for parent, joint, position, speed, limit in JOINTS',
-                        'for (parent, joint, position, *_), angle in zip(JOINTS, '
-                        '[*arm.angles([0.3 * t, 0.5 * t, 0.7 * t]), 0.0])')),
-        'not ok', r'dummy_arm\.arm'),
-    'runs_command.py': HandIn(attack("""
-        subprocess.run([Path(sys.executable).with_name('dummy_arm')],
-                       preexec_fn=lambda: signal.alarm(90))
-        """), 'not ok', r'(?i)command'),
-    'runs_model_answer.py': HandIn(attack(f"""
-        os.chdir({str(MODEL.parent)!r})
-        subprocess.run(['env', sys.executable, '-u', 'dummy_arm.py'],
-                       preexec_fn=lambda: signal.alarm(90))
-        """), 'not ok', r'(?i)model answer|dummy_arm\.py'),
-    # The programs beside it are attacked, too: keep it the last one.
-    'floods_domains.py': HandIn(attack("""
-        if os.fork() == 0:
-            signal.alarm(90)
-            from geometry_msgs.msg import TransformStamped
-            from rclpy.context import Context
-            from rclpy.node import Node
-            from tf2_ros import TransformBroadcaster
 
-            message = TransformStamped(child_frame_id='joint_1')
-            message.header.frame_id = 'map'
-            nodes, broadcasters = [], []
-            for domain in range(215, 232):
-                context = Context()
-                context.init(domain_id=domain)
-                nodes.append(Node(f'flood_{domain}', context=context))
-                broadcasters.append(TransformBroadcaster(nodes[-1]))
-            while True:
-                for broadcaster in broadcasters:
-                    broadcaster.sendTransform(message)
-                time.sleep(0.1)
-        """) + program(), 'not ok', '(?i)publishers|parent')}
+    # The arm of this package
+    'imports_package.py': HandIn(
+        'from dummy_arm.dummy_arm import main\nmain()\n', 'not ok', r'dummy_arm\.dummy_arm'),
+    'imports_by_name.py': HandIn("""
+import importlib
+arm = importlib.import_module('dummy_arm.arm').Arm()
+""", 'not ok', r'dummy_arm\.arm')}
 
 
 def read_table(path):

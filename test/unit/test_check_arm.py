@@ -12,13 +12,13 @@ from typing import Any
 from arms import Arm, BEGIN, RIGHT, S, WRONG
 from environment import on_linux, on_unix
 from hand_ins import read_table
-from processes import TIMEOUT, tool_without_ros
+from processes import tool_without_ros
 import pytest
 
 from dummy_arm.check_arm import main
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK
+from dummy_arm.grading.records import Grade, NOT_JUDGED
 from dummy_arm.grading.requirements import FRAMES
 from puretf import visible
 from puretf_tools.cli.signals import record_signals
@@ -172,14 +172,8 @@ REFUSED: dict[str, tuple[Any, str]] = {
     'by_name.py': (b'import importlib\nimportlib.import_module("dummy_arm.arm")\n',
                    'It uses dummy_arm.arm of this package (line 2): the arm must be its own.'),
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
-    os.fsdecode(b'not_utf_8_\xff.py'): (b'', 'Its path is not UTF-8, so rclpy fails'),
     'empty': ('folder', 'no dummy_arm.py in empty'),
     'folder': ('folder', 'It is a zip archive: unpack it.')}
-
-
-def verdict_of(name):
-    """Return the verdict of a hand-in that is not run."""
-    return NOT_JUDGED if name.startswith('not_utf_8') else NOT_OK
 
 
 @on_linux
@@ -197,12 +191,12 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     assert main([*REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback', '--jobs', '2']) == 1
     lines = capsys.readouterr().out.splitlines()
     for (name, (_, reason)), line in zip(REFUSED.items(), lines, strict=True):
-        assert line.startswith(f'{visible(name)}: {verdict_of(name)}: {reason}')
+        assert line.startswith(f'{visible(name)}: not ok: {reason}')
         feedback = (tmp_path / 'feedback' / f'{name}.txt').read_text()
         assert feedback.splitlines()[0] == line
     assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
     assert [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))] == [
-        ("'=1+2" if name == '=1+2' else visible(name), verdict_of(name)) for name in REFUSED]
+        ("'=1+2" if name == '=1+2' else visible(name), 'not ok') for name in REFUSED]
 
 
 @pytest.mark.parametrize(('arguments', 'suffix'), [((), '.py'), (('--frames',), '.gv')])
@@ -288,23 +282,19 @@ def test_ctrl_c_while_a_drawing_is_read(tmp_path):
 
 
 @on_linux
-@pytest.mark.parametrize(('middleware', 'silence', 'reason'), [
-    ('while True:\n    pass\n', 2.0, 'has said nothing for 2 s: probably the middleware hangs.'),
-    ('import os\nos.abort()\n', TIMEOUT, 'ended by signal 6.')],
-    ids=['hangs', 'crashes'])
-def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, silence, reason):
+def test_an_observer_that_crashes(tmp_path, monkeypatch):
     """
     The program is not judged, since it is not to blame; the others are.
 
     The observer imports nothing from the folder of the programs, which is the current one.
     """
     (tmp_path / 'rclpy').mkdir()
-    (tmp_path / 'rclpy' / '__init__.py').write_text(middleware)
+    (tmp_path / 'rclpy' / '__init__.py').write_text('import os\nos.abort()\n')
     monkeypatch.syspath_prepend(tmp_path)
     handed_in = tmp_path / 'handed_in'
     handed_in.mkdir()
     for name in 'arm.py', 'json.py':
         (handed_in / name).write_text('raise SystemExit')
     monkeypatch.chdir(handed_in)
-    assert [*grade(['arm.py'], 1.0, silence=silence)] == [Grade(
-        'arm.py', None, f'The process that observes it {reason}', NOT_JUDGED)]
+    assert [*grade(['arm.py'], 1.0)] == [Grade(
+        'arm.py', None, 'The process that observes it ended by signal 6.', NOT_JUDGED)]
