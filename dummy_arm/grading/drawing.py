@@ -4,14 +4,12 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 import logging
-from multiprocessing.connection import Connection
 import os
 from pathlib import Path
 import re
 from unicodedata import normalize
 
-from dummy_arm.grading.records import NOT_OK, OK
-from dummy_arm.grading.requirements import FRAMES
+from dummy_arm.grading.sheet import FRAMES
 from puretf import comma_list, quoted, shortened
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import check_signals
@@ -26,7 +24,7 @@ _TOKEN = re.compile(r"""
     | [\w.]+ | -> | \S
 """, re.VERBOSE)
 _LONGEST_GRAPH = 1_000_000  # characters
-_MOST_PAGES, _MOST_MEMORY = 20, 2**30
+_MOST_PAGES = 20
 #: The largest number of names that a text lists.
 _SHOWN = 6
 
@@ -41,17 +39,6 @@ def fault_of_drawing(path: Path) -> str:
         return _fault_of_edges(_edges_in_dot(path))
     except OSError as error:
         return f'It cannot be read: {error.strerror}.'
-
-
-def read_drawing(connection: Connection, path: str) -> None:
-    """Send the result for a drawing; see `dummy_arm.grading.supervisor`."""
-    import resource
-    resource.setrlimit(resource.RLIMIT_AS, 2 * (_MOST_MEMORY,))
-    try:
-        fault = fault_of_drawing(Path(path))
-        connection.send(f'{NOT_OK}: {fault}' if fault else OK)
-    except CommandError as error:
-        connection.send(error)
 
 
 def _fault_of_pdf(path: Path) -> str:

@@ -1,8 +1,8 @@
 """The listener that observes an arm, in the process of a command or in one of its own."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing.connection import Connection
+import os
 import time
 from typing import NamedTuple, TYPE_CHECKING
 import warnings
@@ -99,49 +99,24 @@ def observe(connection: Connection, seconds: float, domain: int) -> None:
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
     """
+    from rclpy.logging import get_logging_severity_from_string, set_logger_level
+
+    from puretf_tools.cli.node import spinning_node
     warnings.simplefilter('ignore')  # of numbers that are too large
     end_with_parent()  # also if the middleware hangs
-    result: object
+    # The lines of all programs would be mixed, and the report has what matters.
+    set_logger_level('tf2_buffer', get_logging_severity_from_string('FATAL'))
+    os.environ['ROS_DOMAIN_ID'] = str(domain)
     try:
-        with _node_in(domain) as node:
+        with spinning_node('check_arm', ['check_arm']) as node:
             observer = Observer(node)
             connection.send('')
             connection.recv()
             wait_until(START, lambda: observer.poll() or connection.poll())
             if observer.has_started:
                 wait_until(seconds, lambda: observer.poll() and connection.poll())
-            result = Observation(
+            connection.send(Observation(
                 observer.report(connection.poll()), bool(observer.messages),
-                observer.listener.wrong_type_hint(), bool(observer.publishers()))
+                observer.listener.wrong_type_hint(), bool(observer.publishers())))
     except CommandError as error:
-        result = error
-    connection.send(result)
-
-
-@contextmanager
-def _node_in(domain: int) -> Iterator['Node']:
-    """Create a node in a domain, or raise CommandError; destroy it at the end of the block."""
-    from rclpy.context import Context
-    from rclpy.logging import get_logging_severity_from_string, set_logger_level
-    from rclpy.node import Node
-
-    from puretf_tools.cli.fast_dds import destroy
-    from puretf_tools.cli.node import clear_shared_memory, create
-    clear_shared_memory(['check_arm'])
-    context = Context()
-
-    def make_node() -> 'Node':
-        context.init(args=[], domain_id=domain)
-        return Node('check_arm', context=context, enable_rosout=False,
-                    start_parameter_services=False)
-
-    # The lines of all programs would be mixed, and the report has what matters.
-    set_logger_level('tf2_buffer', get_logging_severity_from_string('FATAL'))
-    try:
-        node = create(make_node)
-        try:
-            yield node
-        finally:
-            destroy(node)
-    finally:
-        context.try_shutdown()
+        connection.send(error)

@@ -43,6 +43,7 @@ class Line(NamedTuple):
     measured: str
     verdict: str  #: OK, NOT_OK or NOT_JUDGED; ADVICE for good practice that is not followed
     text: str = ''  #: the likely cause, why it is not judged, or the advice, in a sentence
+    follows: bool = False  #: True if it is not judged because another requirement is not met
 
 
 class Report(NamedTuple):

@@ -5,7 +5,6 @@ It observes the arm by another process, since the middleware can hang or crash; 
 no library of ROS.
 """
 
-from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
@@ -17,6 +16,7 @@ import warnings
 
 import psutil
 
+from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import Observation, observe
 from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
 from dummy_arm.grading.program import Program, program_in, ProgramError
@@ -24,8 +24,9 @@ from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, OK, START
 from puretf.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
 
-#: How much longer than the start and the observation a hand-in may take (s).
-_MARGIN = 20.0
+#: How much longer than the start and the observation a hand-in may take, and how long to read a
+#: drawing (s).
+_MARGIN, _DRAWING = 20.0, 10
 #: How long to wait before the next look at all (s), and at the processes (s).
 _STEP, _SCAN_INTERVAL = 0.05, 0.25
 #: The limits of all processes of a hand-in together.
@@ -71,8 +72,6 @@ class _Supervisor:
         self._program: Optional[Program] = None
         #: The number of all processes of the machine at the beginning.
         self._usual = _count()
-        #: The processes that are not part of the hand-in.
-        self._workers: set[int] = set()
 
     def judge(self, domain: int, directory: str) -> tuple[Grade, bool]:
         """Return the grade of the program, and whether a signal may have ended the program."""
@@ -88,16 +87,16 @@ class _Supervisor:
         return grade._replace(drawing=self._drawing(path)), may_be_killed
 
     def _run(self, program: Program, domain: int) -> Grade:
-        observer = self._worker(observe, self._seconds, domain)
+        observer = self._observer = Worker(observe, self._seconds, domain)
         try:
-            self._answer(observer, 'observes')
+            self._answer()
             program.start()
             observer.send('begin')
             while not observer.connection.poll():
                 self._watch()
                 if program.fault():
                     observer.send('end')
-            found = self._answer(observer, 'observes')
+            found: Observation = self._answer()
             fault = program.fault() or ('' if found.report.passed else found.wrong_type) or (
                 '' if found.has_broadcaster else self._elsewhere(domain))
         finally:
@@ -106,19 +105,15 @@ class _Supervisor:
             end_descendants()
         return self._grade(found, fault)
 
-    def _worker(self, function: Callable[..., object], *arguments: Any) -> Worker:
-        worker = Worker(function, *arguments)
-        self._workers.add(worker.pid)
-        return worker
-
-    def _answer(self, worker: Worker, what: str) -> Any:
-        """Wait for what a worker sends; raise it if it is an error."""
-        while not worker.connection.poll():
+    def _answer(self) -> Any:
+        """Wait for what the observer sends; raise it if it is an error."""
+        while not self._observer.connection.poll():
             self._watch()
         try:
-            answer = worker.answer()
+            answer = self._observer.answer()
         except EOFError:
-            raise CommandError(f'The process that {what} it ended {worker.end()}.') from None
+            raise CommandError(f'The process that observes it ended {self._observer.end()}.'
+                               ) from None
         if isinstance(answer, CommandError):
             raise answer
         return answer
@@ -141,23 +136,26 @@ class _Supervisor:
                 'user sets the domain.') if others else ''
 
     def _drawing(self, program: Path) -> str:
-        """Judge the frames.pdf beside a program, in a process of its own, since it may hang."""
+        """Judge the frames.pdf beside a program, for a limited time."""
         paths = (folder / 'frames.pdf' for folder in (Path(self._file), program.parent))
         if not (path := next((path for path in paths if os.path.exists(path)), None)):
             return ''
-        from dummy_arm.grading.drawing import read_drawing  # with numpy
-        reader = self._worker(read_drawing, str(path))
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.alarm(_DRAWING)
         try:
-            return str(self._answer(reader, 'reads'))
+            fault = fault_of_drawing(path)
         except CommandError as error:
             return f'{NOT_JUDGED}: {error}'
+        except KeyboardInterrupt:
+            fault = f'It cannot be read within {_DRAWING} s.'
         finally:
-            reader.end()
+            signal.alarm(0)
+        return f'{NOT_OK}: {fault}' if fault else OK
 
     def _processes(self) -> list[psutil.Process]:
         """Return the processes of the hand-in, also those that have ended but are not reaped."""
         return [each for each in psutil.Process().children(recursive=True)
-                if each.pid not in self._workers]
+                if each.pid != self._observer.pid]
 
     def _watch(self) -> None:
         """

@@ -27,7 +27,7 @@ def test_programs(start, tmp_path):
     assert not differences(programs, process.output, table)
     assert not process.has_left_processes()
     rows = {row['file']: row for row in read_table(table)}
-    assert [*rows['model.py'].values()] == ['model.py', 'ok', '', *['ok'] * 31]
+    assert [*rows['model.py'].values()] == ['model.py', 'ok', '', *['ok'] * 32]
     full_angle = rows['full_angle.py']
     assert full_angle['at least 10 messages per second'] == 'ok'
     assert full_angle['joint_1 stays within ±45°'] == 'not ok'

@@ -184,7 +184,7 @@ class OnBothTopics(Arm):
         yield from [messages[0], ('/tf_static', time, rows), *messages[1:]]
 
 
-def _jitter(self, tick):
+def jitter(self, tick):
     """Return the time of a tick that is late by up to 0.1 ms (ns)."""
     return Arm.time(self, tick) + Random(tick).randrange(S // 10_000)
 
@@ -201,13 +201,13 @@ FIXED_STEP = {'time': _busy, 't': lambda self, now: self.tick / self.hertz}
 
 def _with_period(seconds):
     """Return an arm whose timer has a long period; its hand is static."""
-    return changed(hertz=1 / seconds, time=_jitter, topics=(
+    return changed(hertz=1 / seconds, time=jitter, topics=(
         *Arm.topics[:4], '/tf_static'))
 
 
 def _in_unit(unit):
     """Return an arm whose time is in another unit (s), and whose timer is a little late."""
-    return changed(hertz=50, time=_jitter, t=lambda self, now: (now - BEGIN) / S / unit)
+    return changed(hertz=50, time=jitter, t=lambda self, now: (now - BEGIN) / S / unit)
 
 
 def _triangle(self, joint, t):

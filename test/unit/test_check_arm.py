@@ -19,7 +19,7 @@ from dummy_arm.check_arm import main
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.records import Grade, NOT_JUDGED
-from dummy_arm.grading.requirements import FRAMES
+from dummy_arm.grading.sheet import FRAMES
 from puretf import visible
 from puretf_tools.cli.signals import record_signals
 

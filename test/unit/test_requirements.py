@@ -3,7 +3,7 @@
 from functools import cache
 import re
 
-from arms import Arm, changed, FIXED_STEP, RIGHT, S, WRONG
+from arms import Arm, changed, FIXED_STEP, jitter, RIGHT, S, WRONG
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -19,7 +19,8 @@ from dummy_arm.grading.records import (
     OK,
     Publisher,
 )
-from dummy_arm.grading.requirements import check, EDGES, FRAMES, JOINTS
+from dummy_arm.grading.requirements import check
+from dummy_arm.grading.sheet import EDGES, FRAMES, JOINTS
 from dummy_arm.grading.sine import fit_sine
 
 
@@ -147,7 +148,7 @@ def test_too_short_an_observation_does_not_pass():
     assert not report.passed
     assert not failures(report)
     assert report.first_failure == line_of(report, 'joint_1 moves as a sine')
-    assert 'longer (--time)' in line_of(report, 'joint_1 moves as a sine').text
+    assert 'observe the arm for 25 s (--time 25).' in report.reason
     assert line_of(report, 'joint_2 moves as a sine').verdict == OK
 
 
@@ -301,9 +302,34 @@ def test_names_of_others_cannot_harm_the_terminal():
     """Escape sequences in the names of frames are escaped."""
     arm = changed(names=(*Arm.names[:5], 'end_effector\x1b[2J'))
     report = check(received(arm))
-    texts = [text for line in [*report.lines, *report.advice] for text in line]
+    texts = [text for line in [*report.lines, *report.advice] for text in line[:4]]
     assert all(text.isprintable() for text in texts)
     assert 'end_effector\\x1b[2J' in ' '.join(texts)
+
+
+@pytest.mark.parametrize(('step', 'seconds', 'requirement', 'text'), [
+    (0.01, 25.0, 'joint_1 moves as a sine', '. Or observe the arm for 45 s (--time 45).'),
+    (0.01, 45.0, 'speeds of about', '.'), (0.02, 25.0, 'the motion follows', '')])
+def test_a_fixed_step(step, seconds, requirement, text):
+    """It is named where it shows, though the timer is exact to 0.1 ms."""
+    arm = changed(hertz=50, time=jitter, t=lambda self, now: self.tick * step)
+    report = check(received(arm, seconds), True)
+    assert report.passed == (seconds * step > 0.4)
+    assert line_of(report, requirement).text == (
+        'joint_1 is half as fast as the sheet (0.15 in place of 0.3 rad/s): the step is fixed, so '
+        f'the speed depends on the rate; take the time from the clock{text}' if text else
+        'Use the clock: with a fixed step, the speed depends on the rate.')
+
+
+def test_an_int():
+    """In the container, an int arrives as a very small number; it is named, and w also."""
+    report = check(received(changed(position=lambda self, edge, t: (
+        *self.positions[edge][:2], self.positions[edge][2] or 5e-324))), True)
+    assert report.passed
+    assert line_of(report, 'all numbers are floats').text.startswith('Write 0.0 and not 0')
+    arm = changed(rotation=lambda self, edge, angle: (
+        (0.0, 0.0, 0.0, 4e-323) if edge == 4 else Arm.rotation(self, edge, angle)))
+    assert 'The quaternion of end_effector has an int.' in check(received(arm)).reason
 
 
 def test_the_measured_values():

@@ -1,0 +1,349 @@
+"""The likely cause of what is wrong with an arm, in a sentence; all are pure functions."""
+
+from collections.abc import Sequence
+from itertools import combinations
+from math import degrees, pi, radians
+from typing import NamedTuple, Optional
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dummy_arm.grading.samples import Arm, Samples
+from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, JOINTS, Vector
+from dummy_arm.grading.sine import FASTEST, fit, Floats, Sine
+from puretf import comma_list, is_frozen, near_names, shortened
+
+#: How far a position may be from the required position (m).
+POSITION_TOLERANCE = 1e-3
+#: Two speeds are different if their ratio is at least this number.
+DIFFERENT = 1.05
+#: The largest factor to a speed of the sheet.
+SPEED_FACTOR = 1.5
+#: A frame from which nothing was received for this time (s) at the end of an observation is not
+#: sent any more; a busy machine stops for less. The period of a timer that is meant to be in ms.
+_SILENCE, _LONG_PERIOD = 6.0, 5.0
+#: A joint that is this many times faster than on the sheet probably has another unit of time. So
+#: has one whose usual change between two messages is this part of its range, and no sine.
+_OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
+#: A float that is smaller, but not 0, is what an int becomes where a float is expected.
+_SMALLEST_FLOAT = 1e-300
+#: The largest number of frames that a cause lists.
+_SHOWN = 5
+
+NO_TRANSFORMS = 'There are no transforms.'
+WRONG_ORDER = ('Is the order x, y, z, w? In a message, w is the last number; transforms3d has it '
+               'first.')
+USE_FLOATS = ('Write 0.0 and not 0, since all numbers in a message are floats: in the container, '
+              'an int may be sent as another number.')
+_HALF_ANGLE = 'In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).'
+_UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
+_NOW = 'write header.stamp = self.get_clock().now().to_msg()'
+
+
+class Fault(NamedTuple):
+    """What is wrong with a frame."""
+
+    measured: str
+    reason: str  #: why nothing else of the frame can be judged
+    cause: str
+
+
+# Transforms and tree
+
+
+def recreation(arm: Arm) -> str:
+    """Say that a program creates a broadcaster again and again; '' if none does."""
+    count, has_node = arm.recreated
+    return (f'{count} publishers, one after another{", from one node" * has_node}: create the '
+            'broadcaster once, not in the callback of the timer.') if count else ''
+
+
+def static_joints(arm: Arm) -> str:
+    """Say which joints are sent as static transforms; '' if none is."""
+    names = arm.static_joints
+    return (f'{", ".join(names)} {"are" if len(names) > 1 else "is"} sent with '
+            'StaticTransformBroadcaster: send the joints with TransformBroadcaster in a timer.'
+            ) if names else ''
+
+
+def fault_of_numbers(name: str, poses: Floats, tolerance: float) -> Optional[Fault]:
+    reason = f'The transforms of {name} are not valid.'
+    if not np.isfinite(poses).all():
+        return Fault('nan or inf', reason, f'{name} has a number that is not finite; tf2 ignores '
+                                           'such a transform.')
+    norms = np.linalg.norm(poses[:, 3:], axis=1)
+    if abs(norms ** 2 - 1).max() < tolerance:
+        return None
+    norm = norms[abs(norms - 1).argmax()]
+    if has_ints(poses[:, 3:]):
+        cause = f'The quaternion of {name} has an int. {USE_FLOATS}'
+    elif norm < 0.01:
+        cause = f'All four numbers of the quaternion of {name} are 0: for no rotation, w is 1.'
+    else:
+        cause = (f'The quaternion of {name} does not have the norm 1: z and w are the sine and '
+                 'the cosine of the same angle, half of the joint angle.')
+    return Fault(f'norm {norm:.2f}', reason, cause)
+
+
+def has_ints(numbers: Floats) -> bool:
+    """Return whether numbers are probably ints that were read as floats, as in the container."""
+    return bool(((numbers != 0.0) & (abs(numbers) < _SMALLEST_FLOAT)).any())
+
+
+def fault_of_edge(arm: Arm, edge: Edge) -> Optional[Fault]:
+    """Return what is wrong with an edge of the tree: with its frames, or with who sends it."""
+    name, samples = edge.name, arm.samples.get(edge.name)
+    reverse = arm.samples.get(edge.parent)
+    if reverse and reverse.parents == [name]:
+        return Fault(f'{name} → {edge.parent}', f'The parent of {edge.parent} is {name}.',
+                     f'Parent and child are exchanged: {edge.parent} is the frame_id, and {name} '
+                     'is the child_frame_id.')
+    if not samples:
+        return _fault_of_missing(arm, edge)
+    if samples.is_published_twice:
+        return Fault(f'{name} from {len(set(samples.publishers))} publishers',
+                     f'{name} has several publishers.',
+                     recreation(arm) or _two_programs(arm, name) or
+                     f'Two publishers send {name} at the same time: two programs, nodes or '
+                     'broadcasters. Only one may send it.')
+    if edge is not BASE and samples.is_static.any() and not samples.is_static.all():
+        return Fault(f'{name} on /tf and /tf_static', f'{name} is on both topics.',
+                     f'{name} is sent on /tf and on /tf_static; only one of them is right.')
+    if samples.parents == [edge.parent]:
+        return None
+    parents = comma_list([*map(shortened, samples.parents)], _SHOWN)
+    if len(samples.parents) > 1:
+        cause = f'{name} has several parents; only {edge.parent} is right.'
+    elif parents not in FRAMES and _nearest(edge.parent, samples.parents):
+        cause = f'{parents!r} is misspelt: the name is {edge.parent}.'
+    else:
+        cause = f'The parent of {name} must be {edge.parent}, not {parents}.'
+    return Fault(f'{parents} → {name}', f'The parent of {name} is not {edge.parent}.',
+                 _star(arm, samples) or cause)
+
+
+def _fault_of_missing(arm: Arm, edge: Edge) -> Fault:
+    missing = f'There is no {edge.name}.'
+    if near := _nearest(edge.name, [name for name in arm.samples if name not in FRAMES]):
+        misspelt = repr(shortened(near))
+        return Fault(misspelt, missing, f'{misspelt} is misspelt: the name is {edge.name}.')
+    received = f'No transform of {edge.name} was received'
+    if not (cause := recreation(arm) or (static_joints(arm) if edge is not BASE else '')):
+        if all(each.is_static.all() for each in arm.samples.values()):
+            cause = (f'{received}: nothing arrives on /tf. Is the timer created, with its period '
+                     'in seconds, and does rclpy.spin run?')
+        elif arm.repeated:
+            cause = (f'{shortened(arm.repeated)} is in one message more than once: create a new '
+                     'TransformStamped for each frame.')
+        elif arm.others:
+            cause = f'{received}, but of other frames: {comma_list(arm.others, _SHOWN)}.'
+        elif edge is BASE:
+            cause = (f'{received}: send it with StaticTransformBroadcaster, and keep the node '
+                     'running. What TransformBroadcaster sends once does not reach later '
+                     'listeners.')
+        else:
+            cause = f'{received}.'
+    return Fault(f'no {edge.name}', missing, cause)
+
+
+def _star(arm: Arm, samples: Samples) -> str:
+    """Say that most frames have the same parent; '' if they have not."""
+    children = [child.name for child in EDGES if child.name in arm.samples
+                and samples.parents[0] in arm.samples[child.name].parents]
+    return (f'The tree is a star: {", ".join(children)} have the same parent. In a chain, the '
+            'parent of a frame is the frame before it.') if len(children) > 2 else ''
+
+
+def _two_programs(arm: Arm, name: str) -> str:
+    """Say which copies of a program send a frame; '' if it is not known."""
+    gids = {*arm.samples[name].publishers}
+    nodes = {each.pid: each.node for each in arm.publishers if each.pid and each.gid in gids}
+    if len(nodes) < 2 or len({*nodes.values()}) > 1:
+        return ''
+    *old, newest = nodes
+    pids = ', '.join(f'PID {pid}' for pid in old)
+    return (f'Copies of one program send {name} at the same time: {pids} and PID {newest}. An '
+            f'old one still runs: end it (kill {" ".join(map(str, old))}).')
+
+
+def _nearest(name: str, others: Sequence[str]) -> str:
+    """Return the name that is probably a misspelling of a frame's name; '' if there is none."""
+    # The names of the joints differ in one digit only, so a similar name must have the same digit.
+    digits = [character for character in name if character.isdigit()]
+    candidates = [other for other in others
+                  if [character for character in other if character.isdigit()] == digits]
+    return next(iter(near_names(name, candidates, 0.75)), '')
+
+
+def fault_of_stamps(name: str, samples: Samples, largest: float, delayed: float
+                    ) -> Optional[Fault]:
+    stamps, delays = samples.stamps, samples.delays
+    is_wrong = abs(delays) >= largest
+    has_whole_seconds = len(stamps) > 1 and not (stamps % 10**9).any()
+    if is_wrong.mean() <= delayed and not has_whole_seconds:
+        return None
+    if not stamps.any():
+        measured, cause = '0', f'is not set: {_NOW}.'
+    elif is_frozen(int(stamps.min()), int(stamps.max()), len(stamps)):
+        measured, cause = 'always the same', f'is set only once: {_NOW} before each sendTransform.'
+    elif has_whole_seconds:
+        measured, cause = 'whole seconds', f'has no nanoseconds: {_NOW}.'
+    else:
+        delay = float(np.median(delays[is_wrong]))
+        measured = f'{abs(delay):.3g} s {"old" if delay > 0 else "in the future"}'
+        cause = f'is not the current time: {_NOW}.'
+    return Fault(f'{name}: {measured}', f'The stamps of {name} are wrong.',
+                 f'The stamp of {name} {cause}')
+
+
+# Positions and rotations
+
+
+def of_position(edge: Edge, positions: Floats, position: Vector) -> str:
+    if np.ptp(positions, axis=0).max() > POSITION_TOLERANCE:
+        return (f'The position of {edge.name} changes. Only its rotation may change: the rotation '
+                f'of {edge.parent} already moves {edge.name}.')
+    length = max(edge.position)
+    if abs(float(np.linalg.norm(position)) - length) <= POSITION_TOLERANCE:
+        return f'The distance is right, but not the direction: {edge.name} is {edge.place}.'
+    for other in EDGES[1:]:
+        if is_near(position, other.position):
+            return f'This is the position of {other.name}: the positions are at the wrong frames.'
+    from_base = np.sum([other.position for other in EDGES[:EDGES.index(edge) + 1]], axis=0)
+    if is_near(position, from_base):
+        return (f'This is the position in base_link. A transform has the position in the parent, '
+                f'which is {edge.parent}.')
+    for factor, unit in (1000.0, 'millimetres'), (100.0, 'centimetres'):
+        if is_near(position, np.multiply(factor, edge.position)):
+            return f'The position is in {unit}; TF uses metres.'
+    if not any(position):
+        return f'The position of {edge.name} is not set.'
+    return f'The translation of {edge.name} must be {metres(edge.position)}.'
+
+
+def is_near(position: Vector, expected: ArrayLike) -> bool:
+    return bool(np.linalg.norm(np.subtract(position, expected)) <= POSITION_TOLERANCE)
+
+
+def of_axis(joint: Edge, samples: Samples, axes: str) -> str:
+    if samples.has_wrong_order:
+        return WRONG_ORDER
+    if axes in ('x', 'y'):
+        return (f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and in '
+                'quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.')
+    return f'{joint.name} must turn about z only: x and y of its quaternion are 0.'
+
+
+def of_excess(joint: Edge, largest: float) -> str:
+    """Return why the largest angle of a joint exceeds its limit."""
+    excess = f'The limit is exceeded by {in_degrees(largest - joint.limit)}'
+    is_double = abs(largest / joint.limit - 2) < 0.04
+    if others := [other.name for other in JOINTS if other is not joint
+                  and abs(largest - other.limit) < radians(0.5)]:
+        cause = f'{excess}: this is the limit of {others[0]}.'
+        return f'{cause} {_HALF_ANGLE}' if is_double else cause
+    if is_double:
+        return f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}'
+    if largest - joint.limit < radians(1.0):
+        return f'{excess}: is the limit rounded, or does the last step go beyond it?'
+    return (f'{excess}. The amplitude of the sine, plus an offset if there is one, must be at '
+            f'most {degrees(joint.limit):.0f}°.')
+
+
+# Motion
+
+
+def of_silence(arm: Arm, name: str) -> str:
+    """Say that a frame on /tf is sent too rarely, or not any more; '' if it is not."""
+    samples = arm.samples[name]
+    silence = arm.end - samples.times[-1]
+    if len(samples.times) == 1:
+        cause = (f'{name} was sent only once: send it in a timer; the period is in seconds, such '
+                 'as 0.02.')
+    elif samples.interval >= _LONG_PERIOD:
+        cause = of_interval(name, samples.interval)
+    elif silence >= _SILENCE:
+        cause = (f'{name} has not been sent for the last {silence:.1f} s: send it as long as the '
+                 'program runs.')
+    else:
+        return ''
+    return recreation(arm) or cause
+
+
+def of_interval(name: str, interval: float) -> str:
+    return (f'{name} is sent every {interval:.3g} s: is the period of the timer in seconds, such '
+            'as 0.02?')
+
+
+def of_small_motion(name: str, span: float) -> str:
+    return (f'{name} hardly moves: {_UNIT_OF_TIME} Or is a limit or a speed converted from '
+            'degrees to radians twice?' if span > 0.0 else
+            f'The angle of {name} does not change: compute it in the callback of the timer, from '
+            'the current time.')
+
+
+def of_wave(joint: Edge, times: Floats, angles: Floats, sine: Sine) -> str:
+    """Return why the motion of a joint is not a sine."""
+    too_fast = f'{joint.name} moves too fast to see a wave: {_UNIT_OF_TIME}'
+    if sine.speed > 0.9 * FASTEST:
+        return too_fast
+    low, high = float(angles.min()), float(angles.max())
+    at_ends = np.mean((angles > high - 0.01 * (high - low)) | (angles < low + 0.01 * (high - low)))
+    if at_ends > 0.2:  # for a sine, it is 0.13
+        return (f'{joint.name} rests at {in_degrees(high)} or {in_degrees(low)}: the wave is '
+                'clipped. Do not cut the angle off; the amplitude of the sine is the limit.')
+    phase = sine.speed * times + sine.phase
+    triangle = np.column_stack([np.ones_like(times), np.arcsin(np.sin(phase))])
+    if fit(triangle, angles)[1] / sine.amplitude < sine.residual / 2:
+        return (f'{joint.name} moves at a constant speed to and fro, which is a triangle wave: '
+                'the angle is limit * sin(speed * t).')
+    steps = abs(np.diff(angles)) / (high - low)
+    if sine.speed > _OTHER_UNIT * joint.speed or (
+            sine.residual > 1.0 and np.median(steps) > _LARGE_STEP):
+        return too_fast
+    if steps.max() > 0.3:
+        return f'The angle of {joint.name} jumps: it must change smoothly.'
+    return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
+
+
+def of_short_time(joint: Edge, sine: Sine, has_fixed_step: bool) -> str:
+    """Return why less than a period was observed, and how long to observe the arm."""
+    seconds = 5 * int(np.ceil(2 * pi / sine.speed / 5))
+    remedy = f'observe the arm for {seconds} s (--time {seconds})'
+    if sine.speed * SPEED_FACTOR < joint.speed:
+        return f'{of_speed(joint, sine.speed, has_fixed_step)} Or {remedy}.'
+    return f'{sine.span:.1f} s are less than a period: {remedy}.'
+
+
+def of_speed(joint: Edge, speed: float, has_fixed_step: bool) -> str:
+    """Return how fast a joint is in comparison with the sheet, and why."""
+    ratio = speed / joint.speed
+    how = {0.5: 'half', 2.0: 'twice'}.get(round(ratio, 1), f'{ratio:.2g} times')
+    why = ('the step is fixed, so the speed depends on the rate; take the time from the clock.'
+           if has_fixed_step else 'is the time in seconds?')
+    return (f'{joint.name} is {how} as fast as the sheet ({speed:.2f} in place of {joint.speed} '
+            f'rad/s): {why}')
+
+
+def of_slow_joint(joint: Edge) -> str:
+    return (f'{joint.name} is much too slow: {_UNIT_OF_TIME} Or is the speed converted? About '
+            f'{joint.speed} rad/s is in radians already: do not convert it.')
+
+
+def of_speeds(speeds: Sequence[float]) -> str:
+    """Return why speeds are not in the right order."""
+    for (first, speed), (second, other) in combinations(zip(JOINTS, speeds), 2):
+        if max(speed, other) < DIFFERENT * min(speed, other):
+            return f'{first.name} and {second.name} have the same speed.'
+    for speed, joint in reversed([*zip(speeds, JOINTS)]):
+        if speed > _OTHER_UNIT * joint.speed:
+            return f'{joint.name} is much too fast: {_UNIT_OF_TIME}'
+    return 'The order of the speeds is wrong: joint_1 is the slowest, joint_3 is the fastest.'
+
+
+def metres(position: Vector) -> str:
+    return f'({", ".join(f"{value + 0.0:.3f}" for value in position)}) m'
+
+
+def in_degrees(angle: float) -> str:
+    return f'{degrees(angle):.1f}°'

@@ -1,0 +1,142 @@
+"""The transforms of an arm, by frame, as the requirements and their causes look at them."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from itertools import groupby
+from math import asin, pi
+from typing import Any, Optional
+
+import numpy as np
+
+from dummy_arm.grading.records import Message, Publisher
+from dummy_arm.grading.sheet import EDGES, FRAMES, JOINTS
+from dummy_arm.grading.sine import Floats
+from puretf import SECOND, shortened
+from puretf_tools.inspection.traffic import recreated
+
+#: The mean of |w| is larger, unless another number is in its place: joints turn by ±60° at most.
+_SMALL_W = 0.4
+
+
+class Samples:
+    """The transforms of one frame, each with its message, in the order of their arrival."""
+
+    def __init__(self, rows: list[tuple[Message, Any]]) -> None:
+        self.parents = [*{_name(row.frame_id): None for _, row in rows}]  # as they appear
+        self.is_static = np.array([message.is_static for message, _ in rows])
+        self.poses = np.array([row.pose for _, row in rows], float)
+        self.publishers = [message.publisher for message, _ in rows]
+        moving = [(message, row) for message, row in rows if not message.is_static]
+        #: Of the transforms on /tf: the times of arrival (s; 0: not known) and the stamps (ns).
+        self.times = np.array([message.time / SECOND for message, _ in moving])
+        self.stamps = np.array([row.stamp_ns for _, row in moving], np.int64)
+
+    @property
+    def delays(self) -> Floats:
+        """The times from the stamps to the arrivals (s) of the transforms on /tf."""
+        return np.asarray(self.times - self.stamps / SECOND)
+
+    @property
+    def interval(self) -> float:
+        """The median time from one transform on /tf to the next one (s)."""
+        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+
+    @property
+    def ticks(self) -> Floats:
+        """The numbers of the stamps on /tf, times the median interval of the stamps (s)."""
+        steps = np.diff(self.stamps)
+        is_new = steps != 0
+        interval = np.median(abs(steps[is_new])) / SECOND
+        return np.asarray(np.append(0, np.cumsum(is_new)) * interval)
+
+    @property
+    def positions(self) -> Floats:
+        """(n, 3): the positions (m)."""
+        return self.poses[:, :3]
+
+    @cached_property
+    def rotations(self) -> Floats:
+        """(n, 4): the unit quaternions x, y, z, w."""
+        quaternions = self.poses[:, 3:]
+        return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1)[:, None])
+
+    @cached_property
+    def angles(self) -> Floats:
+        """(n,): the angles about z (rad), from -pi to pi."""
+        angles = 2 * np.arctan2(self.rotations[:, 2], self.rotations[:, 3])
+        return np.asarray((angles + pi) % (2 * pi) - pi)
+
+    @property
+    def has_wrong_order(self) -> bool:
+        """Whether another number is probably in the place of w."""
+        return float(abs(self.rotations[:, 3]).mean()) < _SMALL_W
+
+    @property
+    def is_published_twice(self) -> bool:
+        """Whether two publishers send the frame on one topic at the same time."""
+        # If each begins after the one before it has ended, as when a program is started again,
+        # the messages of each are one group.
+        return any(
+            len([*groupby(names)]) > len(set(names)) for names in (
+                [name for name, is_static in zip(self.publishers, self.is_static)
+                 if is_static == topic] for topic in (False, True)))
+
+
+class Arm:
+    """The transforms of an arm, and who sends them; the arguments are those of `check`."""
+
+    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool],
+                 end: Optional[int], publishers: Sequence[Publisher]) -> None:
+        self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
+        rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
+        #: A frame that is in one message more than once; '': none.
+        self.repeated = ''
+        for message in messages:
+            for row in message.rows:
+                name = _name(row.child_frame_id)
+                if rows[name] and rows[name][-1][0] is message:
+                    self.repeated = name
+                rows[name].append((message, row))
+        self.samples = {name: Samples(found) for name, found in rows.items()}
+        self.others = [shortened(name) for name in self.samples if name not in FRAMES]
+        #: The frames of the arm that are on /tf, in the order of the chain.
+        self.moving = {edge.name: samples for edge in EDGES
+                       if (samples := self.samples.get(edge.name)) and len(samples.times)}
+        times = [samples.times[-1] for samples in self.samples.values() if len(samples.times)]
+        self.end = max(times, default=0.0) if end is None else end / SECOND  # s
+
+    @property
+    def static_joints(self) -> list[str]:
+        """The joints that are sent as static transforms only."""
+        return [joint.name for joint in JOINTS if (samples := self.samples.get(joint.name))
+                and samples.is_static.all()]
+
+    @cached_property
+    def frames_of(self) -> dict[tuple[bool, str], set[str]]:
+        """By topic (True: /tf_static) and publisher: the frames that it has sent."""
+        frames: dict[tuple[bool, str], set[str]] = {
+            (each.is_static, each.gid): set() for each in self.publishers}
+        for name, samples in self.samples.items():
+            for key in {*zip(samples.is_static.tolist(), samples.publishers)}:
+                frames.setdefault(key, set()).add(name)
+        return frames
+
+    @cached_property
+    def recreated(self) -> tuple[int, bool]:
+        """How many publishers one program creates one after another; True: they have one node."""
+        nodes = {each.gid: (each.node, each.pid) for each in self.publishers}
+        groups: defaultdict[Any, dict[str, set[str]]] = defaultdict(dict)
+        for (is_static, gid), frames in self.frames_of.items():
+            groups[is_static, nodes.get(gid)][gid] = frames
+        return next(((len(found), node is not None) for (_, node), publishers in groups.items()
+                     if (found := recreated(publishers))), (0, False))
+
+
+def _name(name: str) -> str:
+    return name.removeprefix('/')
+
+
+def largest_angle(vectors: Floats) -> float:
+    """Return the largest angle (rad), from vector parts of quaternions: axis * sin(angle / 2)."""
+    return 2 * asin(min(1.0, float(np.linalg.norm(vectors, axis=1).max())))
