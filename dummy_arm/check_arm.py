@@ -1,14 +1,14 @@
 """The command `check_arm`: judge the arm of the lab's final task, and its drawing frames.pdf."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 import csv
 import os
 from pathlib import Path
 import re
 import sys
-from typing import Optional
+from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
@@ -25,13 +25,20 @@ from dummy_arm.grading.records import (
     START,
 )
 from dummy_arm.grading.requirements import check
-from puretf import visible
+from puretf import TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
-from puretf_tools.cli.progress import wait
+from puretf_tools.cli.progress import progress, wait
+from puretf_tools.cli.signals import check_signals
+from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.terminal import columns, wrapped
 
+if TYPE_CHECKING:
+    from puretf_tools.inspection.frame_listener import FrameListener
+
+#: The bar while programs are run.
+_BAR = '{desc} {bar} {n:.1f} of {total}'
 #: The default and the largest time to observe an arm (s). The default is more than a period of the
 #: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
 DEFAULT_TIME, _LONGEST = 25.0, 3600.0
@@ -63,9 +70,13 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     if table:
         _write_table(table, rows.values())
     print_lines(False)
-    grades = grade(to_run, seconds, jobs)
+    grades = grade(to_run, seconds, jobs, lambda done, what: show(done, what))
     try:
-        for result in grades:
+        while True:
+            with progress(len(to_run), bar_format=_BAR) as show:
+                result = next(grades, None)
+            if not result:
+                break
             name = visible(result.file)
             rows[name], lines[name] = _row(result), result.line
             if feedback:
@@ -132,18 +143,26 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
         lines += ['', *format_report(result.report)]
     if result.drawing:
         lines += ['', f'frames.pdf: {result.drawing}']
+    _write(path, '\n'.join([*lines, '']))
+
+
+def _write(path: Path, content: 'str | bytes') -> None:
+    """Write a file, and create the directories in which it lies."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CommandError(f'cannot write {path}: {error.strerror}') from None
+    if isinstance(content, str):
+        content = content.encode(errors='backslashreplace')
     with whole_file(path) as part:
-        part.write_text('\n'.join([*lines, '']), encoding='utf-8', errors='backslashreplace')
+        part.write_bytes(content)
 
 
 # The arm that is running, and a bag
 
 
-def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> Report:
+def _check_running(seconds: float, namespace: str, ros_args: Sequence[str],
+                   feedback: Optional[str]) -> Report:
     from dummy_arm.grading.observer import Observer
     from puretf_tools.cli.node import spinning_node
     with spinning_node('check_arm', ros_args, namespace) as node:
@@ -156,9 +175,29 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
                                    f'{observer.listener.why_nothing()}')
             if hint := observer.listener.wrong_type_hint():
                 print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
-            return observer.report()
+            report = observer.report()
+            if feedback:
+                _write_hand_in(Path(feedback), report, observer.listener)
+            return report
         except KeyboardInterrupt:
             raise CommandError('interrupted: nothing was judged') from None
+
+
+def _write_hand_in(directory: Path, report: Report, listener: 'FrameListener') -> None:
+    """Write the report of an arm that is running, its frames.pdf and a picture of it."""
+    from dummy_arm.grading.picture import picture
+    from puretf_tools.inspection.graph import as_dot, draw, DrawingError
+    _write(directory / 'report.txt', '\n'.join([*format_report(report), '']))
+    dot = as_dot(Forest(listener.frames()), listener.now())
+    drawings: dict[str, Callable[[], str | bytes]] = {
+        'frames.pdf': lambda: draw(dot, 'pdf', check_signals),
+        'arm.svg': lambda: picture(listener.buffer)}
+    for name, draw_it in drawings.items():
+        try:
+            _write(directory / name, draw_it())
+        except (DrawingError, TransformException, IndexError) as error:
+            print(f'check_arm: warning: cannot write {directory / name}: {visible(str(error))}',
+                  file=sys.stderr)
 
 
 def _check_bag(option: BagOption) -> Report:
@@ -182,12 +221,15 @@ def _check_bag(option: BagOption) -> Report:
 
 def format_report(report: Report) -> list[str]:
     """Return the lines of the table of a report, with the verdict first."""
-    rows = [*report.lines, *report.advice]
+    shown = [row for row in report.lines if not row.follows]
+    if len(shown) < len(report.lines):  # first of all, what the others follow from
+        shown.sort(key=lambda row: row != report.first_failure)
+    advice = [row for row in report.advice if row.verdict != NOT_JUDGED]
     table = columns([(row.verdict, row.requirement, row.text if row.verdict == NOT_JUDGED else
-                      row.measured) for row in rows])
+                      row.measured) for row in (*shown, *advice)])
     lines: list[str] = []
-    for i, (row, line) in enumerate(zip(rows, table)):
-        if i == len(report.lines):
+    for i, (row, line) in enumerate(zip((*shown, *advice), table)):
+        if i == len(shown):
             lines += ['', 'good practice (it does not change the result):']
         lines.append(line)
         if row.text and row.verdict != NOT_JUDGED:
@@ -213,8 +255,10 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
             (namespace and (files or frames),
              '--namespace is for --bag and for the arm that is running'),
             (files and '--ros-args' in ros_args, '--ros-args is for the arm that is running'),
-            (not files and (table is not None or feedback is not None or jobs is not None),
-             '--csv, --feedback and --jobs need the files of programs'),
+            (not files and (table is not None or jobs is not None),
+             '--csv and --jobs need the files of programs'),
+            (feedback is not None and (bag is not None or frames),
+             '--feedback is for programs and for the arm that is running'),
             (resume and table is None, '--resume needs --csv'),
             (table is not None and (table in files or not table.endswith('.csv')),
              f'--csv needs the name of a file that ends in .csv, got {table!r}'),
@@ -231,7 +275,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
     if files:
         jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
         return _grade_all(files, duration, jobs, table, feedback, resume)
-    report = (_check_running(duration, namespace, ros_args) if bag is None
+    report = (_check_running(duration, namespace, ros_args, feedback) if bag is None
               else _check_bag(bag))
     print('\n'.join(format_report(report)))
     return 0 if report.passed else 1
@@ -270,7 +314,9 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--resume', action='store_true',
                         help='run only the programs that are "not run" in the table')
     parser.add_argument('--feedback', metavar='DIR',
-                        help='write the report of each program, and of the frames.pdf beside it')
+                        help='write the report of each program, and of the frames.pdf beside it; '
+                             'of the arm that is running, what to hand in: the report, frames.pdf '
+                             'and a picture')
     parser.add_argument('--jobs', type=int, metavar='N',
                         help='how many programs run at the same time (default: the number of '
                              'cores)')

@@ -17,6 +17,8 @@ from puretf import comma_list, is_frozen, near_names, shortened
 POSITION_TOLERANCE = 1e-3
 #: Two speeds are different if their ratio is at least this number.
 DIFFERENT = 1.05
+#: A slow joint is named if it was observed for this time (s).
+LONG_ENOUGH = 15.0
 #: The largest factor to a speed of the sheet.
 SPEED_FACTOR = 1.5
 #: A frame from which nothing was received for this time (s) at the end of an observation is not
@@ -308,9 +310,9 @@ def of_wave(joint: Edge, times: Floats, angles: Floats, sine: Sine) -> str:
 
 def of_short_time(joint: Edge, sine: Sine, has_fixed_step: bool) -> str:
     """Return why less than a period was observed, and how long to observe the arm."""
-    seconds = 5 * int(np.ceil(2 * pi / sine.speed / 5))
+    seconds = max(25, 5 * int(np.ceil(2 * pi / sine.speed / 5)))
     remedy = f'observe the arm for {seconds} s (--time {seconds})'
-    if sine.speed * SPEED_FACTOR < joint.speed:
+    if sine.speed * SPEED_FACTOR < joint.speed and sine.is_exact and sine.span >= LONG_ENOUGH:
         return f'{of_speed(joint, sine.speed, has_fixed_step)} Or {remedy}.'
     return f'{sine.span:.1f} s are less than a period: {remedy}.'
 

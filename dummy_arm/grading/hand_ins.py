@@ -18,6 +18,7 @@ import psutil
 from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
 from dummy_arm.grading.records import DOMAINS, Grade, NOT_JUDGED
 from dummy_arm.grading.supervisor import longest, supervise
+from puretf import shortened
 from puretf.domains import used_domains
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -44,7 +45,7 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
                 _wait_for_signal()
                 names = ', '.join(run.file for run in running)
                 on_wait(count + sum(run.progress for run in running),
-                        f'running {names}' if names else 'waiting for a free ROS domain')
+                        f'observing {shortened(names)}' if names else 'waiting for a ROS domain')
                 for run in [each for each in running if each.is_over()]:
                     running.remove(run)
                     result, was_killed = run.result()
@@ -65,6 +66,8 @@ def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
         end_descendants({*older, *(run.worker.pid for run in running)})
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    # Threads of numpy do not block it, and may be the first to receive it.
+    handler = signal.signal(signal.SIGTERM, lambda *_: None)
     become_subreaper()
     try:
         yield end_orphans
@@ -78,6 +81,7 @@ def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
                 run.worker.wait(max(0.0, deadline - time.monotonic()))
         end_orphans()
         become_subreaper(False)
+        signal.signal(signal.SIGTERM, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 

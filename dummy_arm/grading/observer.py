@@ -4,7 +4,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
 import time
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple, Optional, TYPE_CHECKING
 import warnings
 
 from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, start_of
@@ -67,17 +67,18 @@ class Observer:
         finally:
             listener.unregister()
 
-    def report(self, is_at_once: bool = False) -> Report:
+    def report(self, int_line: Optional[int] = None, is_at_once: bool = False) -> Report:
         """Judge the messages; before that, start a late listener, unless it is at once."""
         from dummy_arm.grading.requirements import check
         if is_at_once:
-            return check(self.messages, publishers=self.publishers())._replace(passed=False)
+            return check(self.messages, None, None, self.publishers(), int_line)._replace(
+                passed=False)
         self.poll()
         end = time.time_ns()
         is_sent = any(row.child_frame_id.removeprefix('/') == 'base_link'
                       for message in self.messages if message.is_static for row in message.rows)
         return check(self.messages, is_sent and self._reaches_late_joiners(), end,
-                     self.publishers())
+                     self.publishers(), int_line)
 
 
 class Observation(NamedTuple):
@@ -89,7 +90,7 @@ class Observation(NamedTuple):
     has_broadcaster: bool
 
 
-def observe(connection: Connection, seconds: float, domain: int) -> None:
+def observe(connection: Connection, seconds: float, domain: int, int_line: int) -> None:
     """
     Observe an arm.
 
@@ -98,6 +99,7 @@ def observe(connection: Connection, seconds: float, domain: int) -> None:
         Observation, or a CommandError, which is a ProgramError if the program is to blame.
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
+    :param int_line: as of `check`.
     """
     from rclpy.logging import get_logging_severity_from_string, set_logger_level
 
@@ -116,7 +118,7 @@ def observe(connection: Connection, seconds: float, domain: int) -> None:
             if observer.has_started:
                 wait_until(seconds, lambda: observer.poll() and connection.poll())
             connection.send(Observation(
-                observer.report(connection.poll()), bool(observer.messages),
+                observer.report(int_line, connection.poll()), bool(observer.messages),
                 observer.listener.wrong_type_hint(), bool(observer.publishers())))
     except CommandError as error:
         connection.send(error)

@@ -34,6 +34,9 @@ path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
 sys.path.insert(0, os.path.dirname(path))
 runpy.run_path(path, run_name='__main__')"""
+#: Why a callback is None.
+_CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
+           'self.tick()): write self.tick')
 _TRACEBACK = 'Traceback (most recent call last):'
 #: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
 _PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
@@ -104,6 +107,16 @@ def _has_uncalled_main(tree: ast.Module) -> bool:
     return has_main and not calls_main and not is_script
 
 
+def _lines_with_ints(tree: ast.AST) -> Iterator[int]:
+    """Yield the lines of assignments such as `translation.x = 0`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and (
+                type(node.value.value) is int) and any(
+                isinstance(target, ast.Attribute) and target.attr in ('x', 'y', 'z', 'w')
+                for target in node.targets):
+            yield node.lineno
+
+
 def _names(node: ast.AST) -> set[str]:
     return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
 
@@ -165,6 +178,8 @@ class Program:
             if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
                 raise ProgramError(f'It uses {name} of this package (line {line}): the arm must '
                                    'be its own.')
+        #: Where a number of a message is an int; 0: nowhere.
+        self.int_line = next(_lines_with_ints(tree), 0)
         # rclpy.init() fails if its name is not UTF-8.
         self._name = path.name.encode(errors='replace').decode()
         self._folder = Path(directory, 'copy')
@@ -210,7 +225,8 @@ class Program:
             raise CommandError('It needs a display, and there is none: it prints '
                                f'"{visible(match[0])}".')
         if error:
-            return f'It fails: {error}'
+            is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
+            return f'It fails: {error}{_CALLED * is_called}'
         if code is None:
             return ''
         seconds = time.monotonic() - self._start

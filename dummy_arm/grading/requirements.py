@@ -37,14 +37,13 @@ _ROTATION_TOLERANCE = radians(0.1)
 _LIMIT_TOLERANCE = radians(0.05)
 #: A joint that turns by less than this angle (rad) does not move.
 _SMALLEST_MOTION = radians(3.0)
-#: The largest residual of a sine; a triangle wave has 0.08. The part of a period that must be
-#: observed leaves 8 of 25 s to the pauses of a busy machine; a triangle wave still has 0.076.
-_LARGEST_RESIDUAL, _SHORTEST_WAVE = 0.02, 0.8
+#: The part of a period that must be observed; it leaves 8 of 25 s to the pauses of a busy machine.
+_SHORTEST_WAVE = 0.8
 #: A sine of the number of the message, and not of the time, fits the numbers so much better, and
 #: fits the stamps worse than this: timers are not exact.
 _BETTER, _EXACT = 0.1, 1e-6
-#: A joint of which less than this part of a period is observed in this time (s) is too slow.
-_SLOW, _LONG_ENOUGH = 0.3, 15.0
+#: A joint of which less than this part of a period is observed in a long time is too slow.
+_SLOW = 0.3
 #: A current stamp differs from the time of arrival by less than this time (s). This part of the
 #: stamps may differ by more: if the machine stops for some seconds, what was sent then is late.
 _LARGEST_DELAY, _DELAYED = 0.5, 0.3
@@ -83,7 +82,8 @@ class Requirement(NamedTuple):
 
 
 def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None,
-          end: Optional[int] = None, publishers: Sequence[Publisher] = ()) -> Report:
+          end: Optional[int] = None, publishers: Sequence[Publisher] = (),
+          int_line: Optional[int] = None) -> Report:
     """
     Check whether the transforms of an arm meet the requirements.
 
@@ -93,8 +93,9 @@ def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = No
     :param end: the end of the observation (ns); None: the time of the last message on /tf.
     :param publishers: the publishers on /tf and /tf_static, also those that are gone; those of
         the oldest process first; empty: not known.
+    :param int_line: a line of the program in which a number is an int; 0: none; None: not known.
     """
-    arm = Arm(messages, reaches_late_joiners, end, publishers)
+    arm = Arm(messages, reaches_late_joiners, end, publishers, int_line)
     results: dict[str, Result] = {}
     lines: dict[str, Line] = {}
     for each in (*REQUIREMENTS, *PRACTICES):
@@ -293,21 +294,20 @@ def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
     if sine.residual > _EXACT and ticks[-1] >= 1.0:
         fixed = fit_sine(ticks, np.unwrap(samples.angles))
         if is_fixed := fixed.residual < sine.residual * (
-                _BETTER if sine.residual < _LARGEST_RESIDUAL else 1.0):
+                _BETTER if sine.is_exact else 1.0):
             times, angles, sine = ticks, np.unwrap(samples.angles), fixed
-    is_sine = sine.residual < _LARGEST_RESIDUAL
-    wave = _Wave(sine, is_fixed) if is_sine else None
+    wave = _Wave(sine, is_fixed) if sine.is_exact else None
     if sine.periods < _SHORTEST_WAVE:
-        raise NotJudged(causes.of_short_time(joint, sine, is_fixed and is_sine),
+        raise NotJudged(causes.of_short_time(joint, sine, is_fixed),
                         f'{sine.periods:.2f} periods', wave)
     return Result(f'differs by {100 * sine.residual:.1f} % of the amplitude',
-                  '' if is_sine else causes.of_wave(joint, times, angles, sine), value=wave)
+                  '' if wave else causes.of_wave(joint, times, angles, sine), value=wave)
 
 
 def _speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
     waves: list[_Wave] = [result.value for result in needed.values()]
     for joint, wave in zip(JOINTS, waves):
-        if wave and wave.sine.periods < _SLOW and wave.sine.span >= _LONG_ENOUGH:
+        if wave and wave.sine.periods < _SLOW and wave.sine.span >= causes.LONG_ENOUGH:
             return Result(f'{joint.name}: less than {wave.sine.speed:.2g} rad/s',
                           causes.of_slow_joint(joint))
         if not wave or wave.sine.periods < _SHORTEST_WAVE:
@@ -342,8 +342,6 @@ def _farthest(positions: Floats, expected: Vector) -> Vector:
     return x, y, z
 
 
-#: A practice that the source of a program may show, too.
-FLOATS = 'all numbers are floats'
 _VALID, _TREE, _NOW = 'all transforms are valid', 'the tree', 'the stamps are the current time'
 _LATE, _SPEEDS = 'base_link reaches a late listener', 'the joints have three different speeds'
 _IN_TREE = _VALID, _TREE
@@ -428,9 +426,11 @@ def _usual_speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
 
 
 def _floats(arm: Arm, *_: Any) -> Result:
-    has_ints = any(causes.has_ints(samples.poses) for samples in arm.samples.values())
-    return Result('an int' if has_ints else 'no sign of an int' if arm.samples else '',
-                  causes.USE_FLOATS if has_ints else '')
+    if arm.int_line:
+        return Result(f'an int in line {arm.int_line}', causes.USE_FLOATS)
+    if any(causes.has_ints(samples.poses) for samples in arm.samples.values()):
+        return Result('an int', causes.USE_FLOATS)
+    return Result('no sign of an int' if arm.samples else '')
 
 
 _CLOCK = 'the motion follows the clock'
@@ -443,4 +443,4 @@ PRACTICES = (
     Requirement('each broadcaster is created once', (), _broadcasters),
     Requirement('no other frames on /tf and /tf_static', (), _other_frames),
     Requirement('speeds of about 0.3, 0.5 and 0.7 rad/s', (_SPEEDS, _CLOCK), _usual_speeds),
-    Requirement(FLOATS, (), _floats))
+    Requirement('all numbers are floats', (), _floats))

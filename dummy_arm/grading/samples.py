@@ -87,8 +87,10 @@ class Arm:
     """The transforms of an arm, and who sends them; the arguments are those of `check`."""
 
     def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool],
-                 end: Optional[int], publishers: Sequence[Publisher]) -> None:
+                 end: Optional[int], publishers: Sequence[Publisher], int_line: Optional[int]
+                 ) -> None:
         self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
+        self.int_line = int_line
         rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
         #: A frame that is in one message more than once; '': none.
         self.repeated = ''

@@ -10,6 +10,8 @@ Floats = NDArray[np.float64]
 
 #: The smallest number of samples that show a wave.
 FEWEST = 20
+#: The largest residual of a sine; a triangle wave has 0.08, and 0.076 if 0.8 periods are seen.
+_LARGEST_RESIDUAL = 0.02
 #: The largest angular frequency that is looked for (rad/s).
 FASTEST = 20.0
 #: The time at the beginning of an observation in which the speed is looked for (s), and the
@@ -25,6 +27,10 @@ class Sine(NamedTuple):
     phase: float  #: the phase at the first time (rad)
     residual: float  #: the root mean square of the residuals, divided by the amplitude
     periods: float  #: the number of periods between the first and the last time
+
+    @property
+    def is_exact(self) -> bool:
+        return self.residual < _LARGEST_RESIDUAL
 
     @property
     def span(self) -> float:

@@ -87,7 +87,7 @@ class _Supervisor:
         return grade._replace(drawing=self._drawing(path)), may_be_killed
 
     def _run(self, program: Program, domain: int) -> Grade:
-        observer = self._observer = Worker(observe, self._seconds, domain)
+        observer = self._observer = Worker(observe, self._seconds, domain, program.int_line)
         try:
             self._answer()
             program.start()

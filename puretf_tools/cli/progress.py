@@ -7,7 +7,7 @@ import time
 from typing import Any, Optional
 
 from puretf_tools.cli.parser import UsageError
-from puretf_tools.cli.signals import check_signals, wait_until
+from puretf_tools.cli.signals import check_signals, signals_blocked, wait_until
 
 #: The format of a bar over a time (s).
 BAR = '{desc} {bar} {n:.1f} of {total:g} s'
@@ -18,12 +18,12 @@ DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
 
 
 @contextmanager
-def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]:
+def progress(total: float, **kwargs: Any) -> Iterator[Callable[..., object]]:
     """
     Show a bar if stderr is a terminal and `tqdm` is installed.
 
-    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3; a signal that was recorded
-    ends it, by KeyboardInterrupt.
+    In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3, and `show(3.0, 'eating')` its
+    description, too; a signal that was recorded ends it, by KeyboardInterrupt.
 
     :param kwargs: arguments of `tqdm.tqdm`, such as `desc`.
     """
@@ -32,12 +32,16 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     except ImportError:
         tqdm = None
     if tqdm is None or not sys.stderr:
-        yield lambda done: check_signals()
+        yield lambda *_: check_signals()
         return
     kwargs.setdefault('disable', None)  # unless stderr is a terminal
-    with tqdm(total=total, leave=False, **kwargs) as bar:
-        def show(done: float) -> None:
+    with signals_blocked():  # in its thread; this one is to receive them
+        bar = tqdm(total=total, leave=False, **kwargs)
+    with bar:
+        def show(done: float, what: str = '') -> None:
             check_signals()
+            if what:
+                bar.set_description_str(what, refresh=False)
             bar.update(done - bar.n)
 
         yield show

@@ -1,6 +1,8 @@
 """The command check_arm where there is ROS: the arm that is running, no arm, the table."""
 
+from math import hypot
 import re
+from xml.etree import ElementTree
 
 from cli_runner import call
 from geometry_msgs.msg import TransformStamped
@@ -10,8 +12,10 @@ from ros_node import eventually, stamped
 
 from dummy_arm import check_arm
 from dummy_arm.check_arm import main
+from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.records import OK
+from dummy_arm.grading.sheet import FRAMES
 from puretf import StaticTransformBroadcaster
 from puretf._ros import domains
 from puretf.domains import ros_domains
@@ -21,15 +25,26 @@ FAST = [argument for number, speed in enumerate((3.0, 5.0, 7.0), 1)
         for argument in ('-p', f'joint_{number}.speed:={speed}')]
 
 
-def test_the_arm_that_is_running(start, domain_id):
+def test_the_arm_that_is_running(start, domain_id, tmp_path):
     """Our arm passes, here in a namespace; stamps may be old where the computer is busy."""
     start(*tool('dummy_arm', '--namespace', 'robot', '--ros-args', *FAST)).line_with('t = 0')
-    result = call(main, '--time', '5', '--namespace', 'robot', domain=domain_id)
+    result = call(main, '--time', '5', '--namespace', 'robot', '--feedback', str(tmp_path / 'in'),
+                  domain=domain_id)
     lines = [line for line in result.stdout.splitlines() if re.match('(not )?ok ', line)][:24]
     assert [line for line in lines if line.startswith('not')] == [
         line for line in lines if line.startswith('not ok  the stamps')]
     assert 'base_link reaches a late listener             received\n' in result.stdout
     assert result.code == (0 if result.stdout.endswith('passed: 24 ok\n') else 1)
+    assert result.stderr == ''  # no bar, since it is no terminal
+    assert sorted(path.name for path in (tmp_path / 'in').iterdir()) == [
+        'arm.svg', 'frames.pdf', 'report.txt']
+    assert (tmp_path / 'in' / 'report.txt').read_text() == result.stdout
+    assert fault_of_drawing(tmp_path / 'in' / 'frames.pdf') == ''
+    svg = ElementTree.parse(tmp_path / 'in' / 'arm.svg')
+    assert [each.text for each in svg.iterfind('{*}text')] == [*FRAMES[2:]]
+    *_, (x, y) = (map(float, point.split(',')) for point in [
+        *svg.iterfind('{*}polyline')][1].get('points', '').split())
+    assert 0.5 < hypot(x, y) < 0.9  # of the hand: the arm is bent
 
 
 def test_no_arm(domain_id, arm_domain, monkeypatch):

@@ -115,6 +115,15 @@ MISTAKES = {
     'fixed_step.py': HandIn(program(
         ('self.start = self.get_clock().now()', 'self.t = 0.0'),
         ('t = (now - self.start).nanoseconds * 1e-9', 't = self.t = self.t + 0.02')), 'ok', ''),
+    'half_step.py': HandIn(program(
+        ('self.start = self.get_clock().now()', 'self.t = 0.0'),
+        ('t = (now - self.start).nanoseconds * 1e-9', 't = self.t = self.t + 0.01')),
+        'not judged', r'half as fast as the sheet .* the step is fixed, .* \(--time 45\)'),
+    'int.py': HandIn(program(('translation.y = y', 'translation.y = 0')),
+                     'ok', r'all numbers are floats \(an int in line 42\)'),
+    'called.py': HandIn(program(('self.create_timer(0.02, self.send)',
+                                 'self.create_timer(0.02, self.send())')),
+                        'not ok', r'not callable \(line 61\): .* write self\.tick'),
     # The path is not UTF-8, so rclpy.init() fails if it is in sys.argv.
     'caf\udce9.py': HandIn(program(), 'ok|not judged', r'^ok|UTF-8|path'),
 

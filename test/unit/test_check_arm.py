@@ -10,6 +10,7 @@ import sys
 from typing import Any
 
 from arms import Arm, BEGIN, RIGHT, S, WRONG
+from cli_runner import call
 from environment import on_linux, on_unix
 from hand_ins import read_table
 from processes import tool_without_ros
@@ -197,6 +198,16 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
     assert [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))] == [
         ("'=1+2" if name == '=1+2' else visible(name), 'not ok') for name in REFUSED]
+
+
+@on_linux
+def test_a_bar_in_a_terminal(tmp_path, monkeypatch):
+    """It says what is waited for; the line is printed after it is removed."""
+    pytest.importorskip('tqdm')
+    monkeypatch.chdir(tmp_path)
+    Path('arm.py').write_bytes(b'PK\x03\x04')
+    assert 'observing arm.py' in call(main, 'arm.py', columns=80).stderr
+    assert call(main, 'arm.py').stderr == ''
 
 
 @pytest.mark.parametrize(('arguments', 'suffix'), [((), '.py'), (('--frames',), '.gv')])

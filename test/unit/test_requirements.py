@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dummy_arm import arm as own_arm
+from dummy_arm.check_arm import format_report
 from dummy_arm.grading.records import (
     ADVICE,
     Line,
@@ -224,6 +225,10 @@ def test_two_copies_of_one_program():
     assert cause(('two', '/dummy_arm', 1300), ('one', '/dummy_arm', 1234)) == (
         'Copies of one program send joint_1 at the same time: PID 1300 and PID 1234. An old '
         'one still runs: end it (kill 1300).')
+    lines = format_report(check(messages, publishers=[
+        Publisher(gid, '/dummy_arm', False, pid) for gid, pid in (('one', 1234), ('two', 1300))]))
+    assert lines[0].startswith('not ok      the tree')
+    assert not [line for line in lines[3:] if 'joint' in line]
     for unknown in ('two', '/other', 1300), ('two', '/dummy_arm', 0), ('x', '/dummy_arm', 1300):
         assert 'Two publishers send joint_1' in cause(unknown, ('one', '/dummy_arm', 1234))
 
