@@ -12,18 +12,7 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.records import (
-    DOMAINS,
-    Grade,
-    Message,
-    MOST,
-    NOT_JUDGED,
-    NOT_OK,
-    NOT_RUN,
-    OK,
-    Report,
-    START,
-)
+from dummy_arm.grading.records import DOMAINS, Grade, Message, MOST, Report, START, Verdict
 from dummy_arm.grading.requirements import check
 from puretf import TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
@@ -38,7 +27,7 @@ if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
 
 #: The bar while programs are run.
-_BAR = '{desc} {bar} {n:.1f} of {total}'
+_BAR = '{desc} {bar} {n} of {total}, {elapsed}'
 #: The default and the largest time to observe an arm (s). The default is more than a period of the
 #: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
 DEFAULT_TIME, _LONGEST = 25.0, 3600.0
@@ -55,15 +44,15 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     names = [visible(file) for file in files]
     rows = _read_table(table) if table and resume else {}  # also those of other hand-ins
     for name in names:
-        rows.setdefault(name, [name, NOT_RUN, ''])
-    to_run = [file for file, name in zip(files, names) if rows[name][1] == NOT_RUN]
+        rows.setdefault(name, [name, Verdict.NOT_RUN, ''])
+    to_run = [file for file, name in zip(files, names) if rows[name][1] == Verdict.NOT_RUN]
     lines = {name: ': '.join(filter(None, row[:3])) for name, row in rows.items()}
     printed = 0
 
     def print_lines(is_end: bool) -> None:
         """Print the lines up to the first hand-in that is running or waits, or all."""
         nonlocal printed
-        while printed < len(names) and (is_end or rows[names[printed]][1] != NOT_RUN):
+        while printed < len(names) and (is_end or rows[names[printed]][1] != Verdict.NOT_RUN):
             print(lines[names[printed]])
             printed += 1
 
@@ -89,12 +78,12 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
             print_lines(False)
     except KeyboardInterrupt:
         print_lines(True)
-        count = sum(rows[name][1] == NOT_RUN for name in names)
+        count = sum(rows[name][1] == Verdict.NOT_RUN for name in names)
         how = '; the same command with --resume goes on' if table else ''
         raise CommandError(f'interrupted: {count} of {len(names)} were not run{how}') from None
     finally:
         grades.close()
-    return 0 if all(rows[name][1] == OK for name in names) else 1
+    return 0 if all(rows[name][1] == Verdict.OK for name in names) else 1
 
 
 def _row(grade: Grade) -> list[str]:
@@ -224,18 +213,16 @@ def format_report(report: Report) -> list[str]:
     shown = [row for row in report.lines if not row.follows]
     if len(shown) < len(report.lines):  # first of all, what the others follow from
         shown.sort(key=lambda row: row != report.first_failure)
-    advice = [row for row in report.advice if row.verdict != NOT_JUDGED]
-    table = columns([(row.verdict, row.requirement, row.text if row.verdict == NOT_JUDGED else
-                      row.measured) for row in (*shown, *advice)])
+    rows = [*shown, *(row for row in report.advice if row.is_judged)]
+    table = columns([(row.verdict, row.requirement, row.measured if row.is_judged else row.text)
+                     for row in rows])
     lines: list[str] = []
-    for i, (row, line) in enumerate(zip((*shown, *advice), table)):
+    for i, (row, line) in enumerate(zip(rows, table)):
         if i == len(shown):
             lines += ['', 'good practice (it does not change the result):']
-        lines.append(line)
-        if row.text and row.verdict != NOT_JUDGED:
-            lines += wrapped(row.text, '    ')
+        lines += [line, *(wrapped(row.text, '    ') if row.text and row.is_judged else [])]
     counts = {verdict: sum(row.verdict == verdict for row in report.lines)
-              for verdict in (OK, NOT_OK, NOT_JUDGED)}
+              for verdict in (Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED)}
     counted = ', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)
     return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}']
 
@@ -288,7 +275,7 @@ def _check_drawings(paths: Sequence[str]) -> int:
             raise UsageError(f'{path!r} must end in .pdf or .gv')
     faults = {path: fault_of_drawing(Path(path)) for path in paths}
     for path, fault in faults.items():
-        print(Grade(path, None, fault, NOT_OK if fault else OK).line)
+        print(Grade(path, None, fault, Verdict.NOT_OK if fault else Verdict.OK).line)
     return 1 if any(faults.values()) else 0
 
 

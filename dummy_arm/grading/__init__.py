@@ -13,7 +13,7 @@ __all__ = ['grade']
 
 
 def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
-          on_wait: Callable[[float, str], object] = lambda done, what: None
+          on_wait: Callable[[int, str], object] = lambda done, what: None
           ) -> 'Generator[Grade, None, None]':
     """
     Run each program in a ROS domain of its own, and judge the arm that it publishes.
@@ -26,8 +26,8 @@ def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
     :param files: the paths of the programs, or of the folders in which they lie.
     :param seconds: how long to observe each arm (s).
     :param jobs: how many programs run at the same time, at most 17.
-    :param on_wait: called every 0.05 s with the number of hand-ins that are graded, those that run
-        in part, and with what is waited for.
+    :param on_wait: called every 0.05 s with the number of hand-ins that are graded, and with what
+        is waited for.
     :returns: an iterator of the grades, in the order in which the programs end; closing it ends
         the programs. It raises KeyboardInterrupt at Ctrl-C, and at a SIGTERM that no program has
         sent.

@@ -16,7 +16,7 @@ from typing import Optional
 import psutil
 
 from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
-from dummy_arm.grading.records import DOMAINS, Grade, NOT_JUDGED
+from dummy_arm.grading.records import DOMAINS, Grade, Verdict
 from dummy_arm.grading.supervisor import longest, supervise
 from puretf import shortened
 from puretf.domains import used_domains
@@ -26,32 +26,37 @@ _SIGNALS = signal.SIGINT, signal.SIGTERM
 _STEP = 0.05
 #: A process that runs a program is stopped if it takes so much longer than it may (s).
 _MARGIN = 30.0
-#: About how long a hand-in takes besides the observation (s), for the progress.
-_USUAL_START = 4.0
 
 
 def graded(files: Sequence[str], seconds: float, jobs: int,
-           on_wait: Callable[[float, str], object]) -> Generator[Grade, None, None]:
+           on_wait: Callable[[int, str], object]) -> Generator[Grade, None, None]:
     """Yield what `dummy_arm.grading.grade` returns."""
     running: list[_Run] = []
-    killed: list[str] = []
+    again: list[str] = []  # what another program may have ended, alone
     count = 0
     with _cleanup(running) as end_orphans:
-        for round_, most in (files, jobs), (killed, 1):
-            waiting = deque(round_)
+        for to_run, most in (files, jobs), (again, 1):
+            waiting = deque(to_run)
             while waiting or running:
+                ended = []
                 if waiting and len(running) < most and (reservation := _reserved_domain()):
-                    running.append(_Run(waiting.popleft(), seconds, reservation))
+                    file = waiting.popleft()
+                    try:
+                        running.append(_Run(file, seconds, reservation))
+                    except OSError as error:  # there are too many processes, or the disk is full
+                        ended.append((Grade(file, None, f'It cannot be run: {error.strerror}.',
+                                            Verdict.NOT_JUDGED), True))
                 _wait_for_signal()
                 names = ', '.join(run.file for run in running)
-                on_wait(count + sum(run.progress for run in running),
-                        f'observing {shortened(names)}' if names else 'waiting for a ROS domain')
+                on_wait(count, f'observing {shortened(names)}' if names else
+                        'waiting for a ROS domain')
                 for run in [each for each in running if each.is_over()]:
                     running.remove(run)
-                    result, was_killed = run.result()
+                    ended.append(run.result())
                     end_orphans()
-                    if was_killed and round_ is files:
-                        killed.append(run.file)
+                for result, may_be_disturbed in ended:
+                    if may_be_disturbed and to_run is files:
+                        again.append(result.file)
                     else:
                         count += 1
                         yield result
@@ -115,24 +120,14 @@ class _Run:
     """A process that runs a hand-in."""
 
     def __init__(self, file: str, seconds: float, reservation: tuple[int, socket.socket]) -> None:
-        self.file, self._seconds, self._reservation = file, seconds, reservation
+        self.file, self._reservation = file, reservation
         self._directory = TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True)
         self.worker = Worker(supervise, file, seconds, reservation[0], self._directory.name)
-        self._start = time.monotonic()
-
-    @property
-    def _time(self) -> float:
-        return time.monotonic() - self._start
-
-    @property
-    def progress(self) -> float:
-        """About which part of the work is done."""
-        return min(1.0, self._time / (self._seconds + _USUAL_START))
+        self._deadline = time.monotonic() + longest(seconds) + _MARGIN
 
     def is_over(self) -> bool:
         """Return whether the process has answered, has ended or takes too long."""
-        return (self.worker.connection.poll()
-                or self._time > longest(self._seconds) + _MARGIN)
+        return self.worker.connection.poll() or time.monotonic() > self._deadline
 
     def result(self) -> tuple[Grade, bool]:
         """End the process; return the grade, and whether a signal has ended the program."""
@@ -145,4 +140,4 @@ class _Run:
         with suppress(RecursionError):  # of too many directories in each other
             self._directory.cleanup()
         return result or (Grade(self.file, None, f'The process that runs it ended {how}.',
-                                NOT_JUDGED), False)
+                                Verdict.NOT_JUDGED), False)

@@ -136,19 +136,20 @@ def _names_of_modules(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 def _copy(program: Path, name: str, directory: Path) -> None:
     """Copy a program, and what lies beside it, but for what is hidden, large or too much."""
-    left = _MOST_COPIED
-    for folder, folders, files in os.walk(program.parent):
-        folders[:] = [each for each in folders if not each.startswith('.')]
-        target = directory / os.path.relpath(folder, program.parent)
-        target.mkdir(exist_ok=True)
-        for path in (Path(folder, each) for each in files if left > 0):
-            if path.is_file() and path.stat().st_size <= _LONGEST_SOURCE:
-                left -= 1
-                with suppress(OSError):
-                    shutil.copyfile(path, target / path.name)
-        if left <= 0:
-            break
+    left = iter(range(_MOST_COPIED))
+
+    def left_out(folder: str, names: list[str]) -> list[str]:
+        return [each for each in names if each.startswith('.') or next(left, None) is None
+                or not _is_small(os.path.join(folder, each))]
+
+    with suppress(OSError):  # of files that cannot be read
+        shutil.copytree(program.parent, directory, ignore=left_out)
     shutil.copyfile(program, directory / name)
+
+
+def _is_small(path: str) -> bool:
+    return os.path.isdir(path) or (
+        os.path.isfile(path) and os.path.getsize(path) <= _LONGEST_SOURCE)
 
 
 def _prepare() -> None:

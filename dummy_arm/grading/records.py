@@ -5,15 +5,18 @@ from typing import Any, NamedTuple, Optional
 
 from puretf import visible
 
-#: The verdicts of a line, of a hand-in (NOT_RUN, too), and of good practice (ADVICE, too).
-OK, NOT_OK, NOT_JUDGED, NOT_RUN, ADVICE = 'ok', 'not ok', 'not judged', 'not run', 'advice'
-
 #: How long to wait for the first transform on /tf (s).
 START = 20.0
 #: The largest number of transforms that are judged.
 MOST = 1_000_000
 #: ROS domains whose ports are outside the range from which Linux takes ports for clients.
 DOMAINS = range(215, 232)
+
+
+class Verdict:
+    """The verdicts of a line; those of a hand-in have no ADVICE."""
+
+    OK, NOT_OK, NOT_JUDGED, NOT_RUN, ADVICE = 'ok', 'not ok', 'not judged', 'not run', 'advice'
 
 
 class Message(NamedTuple):
@@ -45,6 +48,10 @@ class Line(NamedTuple):
     text: str = ''  #: the likely cause, why it is not judged, or the advice, in a sentence
     follows: bool = False  #: True if it is not judged because another requirement is not met
 
+    @property
+    def is_judged(self) -> bool:
+        return self.verdict != Verdict.NOT_JUDGED
+
 
 class Report(NamedTuple):
     """The result of a check."""
@@ -56,10 +63,10 @@ class Report(NamedTuple):
     @property
     def first_failure(self) -> Optional[Line]:
         """The first line with the verdict NOT_OK; if there is none, the first with NOT_JUDGED."""
-        if self.passed:
-            return None
-        return next((line for verdict in (NOT_OK, NOT_JUDGED) for line in self.lines
-                     if line.verdict == verdict), None)
+        found = [] if self.passed else [
+            line for verdict in (Verdict.NOT_OK, Verdict.NOT_JUDGED) for line in self.lines
+            if line.verdict == verdict]
+        return found[0] if found else None
 
     @property
     def reason(self) -> str:
@@ -67,7 +74,7 @@ class Report(NamedTuple):
         line = self.first_failure
         if line is None:
             return ''
-        others = sum(each.verdict == NOT_OK for each in self.lines) - (line.verdict == NOT_OK)
+        others = sum(each.verdict == Verdict.NOT_OK for each in self.lines if each != line)
         measured = f' ({line.measured})' if line.measured else ''
         return (f'{line.requirement}{measured}. {line.text}'
                 f'{f" ({others} more)" if others else ""}')
@@ -86,7 +93,7 @@ class Grade(NamedTuple):
     def line(self) -> str:
         """The grade in one line, with the good practice that is not followed."""
         advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
-                  if line.verdict == ADVICE] if self.report else []
+                  if line.verdict == Verdict.ADVICE] if self.report else []
         more = f': {self.reason}' if self.reason else (
             f'; advice: {"; ".join(advice)}' if advice else '')
         return f'{visible(self.file)}: {self.verdict}{more}'

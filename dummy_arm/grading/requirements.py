@@ -15,16 +15,7 @@ import numpy as np
 
 from dummy_arm.grading import causes
 from dummy_arm.grading.causes import DIFFERENT, Fault, in_degrees, is_near, metres, SPEED_FACTOR
-from dummy_arm.grading.records import (
-    ADVICE,
-    Line,
-    Message,
-    NOT_JUDGED,
-    NOT_OK,
-    OK,
-    Publisher,
-    Report,
-)
+from dummy_arm.grading.records import Line, Message, Publisher, Report, Verdict
 from dummy_arm.grading.samples import Arm, largest_angle
 from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, HAND, JOINTS, Vector
 from dummy_arm.grading.sine import FEWEST, fit_sine, Floats, Sine
@@ -105,23 +96,23 @@ def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = No
             if why:
                 raise NotJudged(why)
             result = each.judge(arm, each.edge, needed)
-            verdict = NOT_OK if result.cause else OK
+            verdict = Verdict.NOT_OK if result.cause else Verdict.OK
         except NotJudged as error:
-            result, verdict = error.result, NOT_JUDGED
-        follows = verdict == NOT_JUDGED and bool(why or (not each.edge.name and any(
-            lines[text].verdict == NOT_OK or lines[text].follows for text in each.needs)))
+            result, verdict = error.result, Verdict.NOT_JUDGED
+        follows = verdict == Verdict.NOT_JUDGED and bool(why or (not each.edge.name and any(
+            lines[text].verdict == Verdict.NOT_OK or lines[text].follows for text in each.needs)))
         results[each.text] = result
         lines[each.text] = Line(each.text, result.measured, verdict, result.cause, follows)
     found = [lines[each.text] for each in REQUIREMENTS]
-    passed = all(line.verdict == OK for line in found
+    passed = all(line.verdict == Verdict.OK for line in found
                  if reaches_late_joiners is not None or line.requirement != _LATE)
     return Report(found, [_advice(lines[each.text]) for each in PRACTICES], passed)
 
 
 def _advice(line: Line) -> Line:
     if not line.measured:
-        return Line(line.requirement, '', NOT_JUDGED, 'It cannot be measured.')
-    return line._replace(verdict=ADVICE) if line.verdict == NOT_OK else line
+        return Line(line.requirement, '', Verdict.NOT_JUDGED, 'It cannot be measured.')
+    return line._replace(verdict=Verdict.ADVICE) if line.verdict == Verdict.NOT_OK else line
 
 
 def _why_not(name: str, needed: Mapping[str, Result]) -> str:

@@ -20,7 +20,7 @@ from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import Observation, observe
 from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
 from dummy_arm.grading.program import Program, program_in, ProgramError
-from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, OK, START
+from dummy_arm.grading.records import Grade, START, Verdict
 from puretf.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
 
@@ -57,7 +57,7 @@ def supervise(connection: Connection, file: str, seconds: float, domain: int,
         result = supervisor.judge(domain, directory)
     except Exception as error:  # the other hand-ins are judged all the same
         result = Grade(file, None, f'check_arm failed: {type(error).__name__}: {error}',
-                       NOT_JUDGED), False
+                       Verdict.NOT_JUDGED), False
     finally:
         end_descendants()
     with suppress(OSError):
@@ -82,8 +82,9 @@ class _Supervisor:
             grade = self._run(program, domain)
             may_be_killed = program.may_be_killed
         except CommandError as error:
+            is_wrong = isinstance(error, ProgramError)
             grade = Grade(self._file, None, str(error),
-                          NOT_OK if isinstance(error, ProgramError) else NOT_JUDGED)
+                          Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
         return grade._replace(drawing=self._drawing(path)), may_be_killed
 
     def _run(self, program: Program, domain: int) -> Grade:
@@ -124,9 +125,10 @@ class _Supervisor:
             fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is the '
                      'timer created, with its period in seconds, and does rclpy.spin run?')
         if fault:
-            return Grade(self._file, found.report, fault, NOT_OK)
+            return Grade(self._file, found.report, fault, Verdict.NOT_OK)
         line = found.report.first_failure
-        return Grade(self._file, found.report, found.report.reason, line.verdict if line else OK)
+        return Grade(self._file, found.report, found.report.reason,
+                     line.verdict if line else Verdict.OK)
 
     def _elsewhere(self, domain: int) -> str:
         """Return in which other ROS domain the program publishes; '' if in none."""
@@ -145,12 +147,12 @@ class _Supervisor:
         try:
             fault = fault_of_drawing(path)
         except CommandError as error:
-            return f'{NOT_JUDGED}: {error}'
+            return f'{Verdict.NOT_JUDGED}: {error}'
         except KeyboardInterrupt:
             fault = f'It cannot be read within {_DRAWING} s.'
         finally:
             signal.alarm(0)
-        return f'{NOT_OK}: {fault}' if fault else OK
+        return f'{Verdict.NOT_OK}: {fault}' if fault else Verdict.OK
 
     def _processes(self) -> list[psutil.Process]:
         """Return the processes of the hand-in, also those that have ended but are not reaped."""

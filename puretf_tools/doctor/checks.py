@@ -780,7 +780,7 @@ def _has_gap(track: Track) -> bool:
 @_check('message_early', WARNING,
         f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
         'so lookups without a timeout fail.',
-        'Wait for the transforms, or let them be sent sooner.', 'headers',
+        'Wait for the transforms, or make the publisher send them sooner.', 'headers',
         section='Extrapolation into the future')
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
@@ -793,7 +793,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
             f'{largest:.3g} s (largest)',
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            '...). Or let the transforms be sent sooner.')
+            '...). Or make the publisher send the transforms sooner.')
 
 
 @_check('message_zero_stamp', WARNING,

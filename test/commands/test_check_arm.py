@@ -14,7 +14,7 @@ from dummy_arm import check_arm
 from dummy_arm.check_arm import main
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import Observer
-from dummy_arm.grading.records import OK
+from dummy_arm.grading.records import Verdict
 from dummy_arm.grading.sheet import FRAMES
 from puretf import StaticTransformBroadcaster
 from puretf._ros import domains
@@ -95,7 +95,7 @@ def test_an_arm_that_is_static(ros):
     report = observer.report()
     assert any('nothing arrives on /tf' in line.text for line in report.lines)
     (late,) = (line for line in report.lines if 'late listener' in line.requirement)
-    assert (late.verdict, late.measured) == (OK, 'received')
+    assert (late.verdict, late.measured) == (Verdict.OK, 'received')
 
 
 def test_a_table_that_cannot_be_written(failed, tmp_path):

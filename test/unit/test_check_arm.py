@@ -19,7 +19,7 @@ import pytest
 from dummy_arm.check_arm import main
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.records import Grade, NOT_JUDGED
+from dummy_arm.grading.records import Grade, Verdict
 from dummy_arm.grading.sheet import FRAMES
 from puretf import visible
 from puretf_tools.cli.signals import record_signals
@@ -308,4 +308,4 @@ def test_an_observer_that_crashes(tmp_path, monkeypatch):
         (handed_in / name).write_text('raise SystemExit')
     monkeypatch.chdir(handed_in)
     assert [*grade(['arm.py'], 1.0)] == [Grade(
-        'arm.py', None, 'The process that observes it ended by signal 6.', NOT_JUDGED)]
+        'arm.py', None, 'The process that observes it ended by signal 6.', Verdict.NOT_JUDGED)]

@@ -214,7 +214,7 @@ ALSO = {'disconnected': {'several_trees'}, 'message_never': {'gap'},
 REMEDIES = {
     'message_early':
         'Wait: timeout=Duration(seconds=0.3) in the lookup; queue of a filter: MessageFilter(..., '
-        'queue_size=10, ...). Or let the transforms be sent sooner.',
+        'queue_size=10, ...). Or make the publisher send the transforms sooner.',
     'message_too_old':
         'Send the messages sooner, or give the listener a cache_time of 15 s.'}
 #: By description: messages that come close to a fault, and where nothing is wrong.

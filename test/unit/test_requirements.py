@@ -11,15 +11,7 @@ import pytest
 
 from dummy_arm import arm as own_arm
 from dummy_arm.check_arm import format_report
-from dummy_arm.grading.records import (
-    ADVICE,
-    Line,
-    Message,
-    NOT_JUDGED,
-    NOT_OK,
-    OK,
-    Publisher,
-)
+from dummy_arm.grading.records import Line, Message, Publisher, Verdict
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.sheet import EDGES, FRAMES, JOINTS
 from dummy_arm.grading.sine import fit_sine
@@ -33,7 +25,7 @@ def received(arm, seconds=25.0):
 
 def failures(report):
     """Return the lines that are not ok."""
-    return [line for line in report.lines if line.verdict == NOT_OK]
+    return [line for line in report.lines if line.verdict == Verdict.NOT_OK]
 
 
 def first_failure(report):
@@ -58,8 +50,9 @@ def report_of_the_model():
 def test_a_right_arm_passes(name):
     """Only a late listener cannot be judged."""
     report = check(received(RIGHT[name]))
-    assert [line for line in report.lines if line.verdict != OK] == [
-        Line('base_link reaches a late listener', '', NOT_JUDGED, 'This was not observed.')]
+    assert [line for line in report.lines if line.verdict != Verdict.OK] == [
+        Line('base_link reaches a late listener', '', Verdict.NOT_JUDGED,
+             'This was not observed.')]
     assert report.passed
     assert report.first_failure is None
 
@@ -75,8 +68,8 @@ def test_a_wrong_arm_fails_where_it_is_wrong(name):
     assert first.requirement.startswith(requirement)
     assert cause in first.text
     for line in report.lines:
-        assert line.verdict in (OK, NOT_OK, NOT_JUDGED)
-        assert bool(line.text) == (line.verdict != OK)
+        assert line.verdict in (Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED)
+        assert bool(line.text) == (line.verdict != Verdict.OK)
         assert re.fullmatch(r'|[^\n]+[.?)]', line.text)
     # What is broken once does not fail again elsewhere, unless it is wrong at several joints.
     kinds = {re.sub(r'joint_\d|[\d.]+', '', line.requirement) for line in failures(report)}
@@ -87,7 +80,7 @@ def test_what_cannot_be_judged_says_why():
     """After a misspelt frame, the lines of this frame and of its child are not judged."""
     report = check(received(WRONG['misspelt'][0]))
     not_judged = {line.requirement: line.text for line in report.lines
-                  if line.verdict == NOT_JUDGED}
+                  if line.verdict == Verdict.NOT_JUDGED}
     assert not_judged.pop('base_link reaches a late listener')
     assert not_judged.pop('the joints have three different speeds') == (
         'The speed of joint_1 cannot be measured.')
@@ -95,7 +88,7 @@ def test_what_cannot_be_judged_says_why():
             } == {'There is no joint_1.'}
     assert {text for requirement, text in not_judged.items() if 'joint_2' in requirement.split()[0]
             } == {'The parent of joint_2 is not joint_1.'}
-    assert line_of(report, 'joint_3 moves as a sine').verdict == OK
+    assert line_of(report, 'joint_3 moves as a sine').verdict == Verdict.OK
 
 
 def test_the_requirements_are_those_of_the_arm():
@@ -132,7 +125,7 @@ def test_any_angles_can_be_fitted(samples):
     assert np.isfinite(fit_sine(times, angles)).all()
 
 
-@pytest.mark.parametrize(('residual', 'verdict'), [(0.019, OK), (0.021, NOT_OK)])
+@pytest.mark.parametrize(('residual', 'verdict'), [(0.019, Verdict.OK), (0.021, Verdict.NOT_OK)])
 def test_the_limit_of_the_residual(residual, verdict):
     """A second harmonic of 2 % of the amplitude (as root mean square) is the limit."""
     share = residual * 2 ** 0.5
@@ -150,7 +143,7 @@ def test_too_short_an_observation_does_not_pass():
     assert not failures(report)
     assert report.first_failure == line_of(report, 'joint_1 moves as a sine')
     assert 'observe the arm for 25 s (--time 25).' in report.reason
-    assert line_of(report, 'joint_2 moves as a sine').verdict == OK
+    assert line_of(report, 'joint_2 moves as a sine').verdict == Verdict.OK
 
 
 def test_less_than_a_period_is_enough():
@@ -261,7 +254,8 @@ def test_broadcasters_that_are_created_in_a_callback_may_work():
     report = check(in_callback(Arm()))
     assert report.passed
     advice = line_of(report, 'each broadcaster')
-    assert (advice.verdict, advice.measured) == (ADVICE, '501 publishers, one after another')
+    assert advice.verdict == Verdict.ADVICE
+    assert advice.measured == '501 publishers, one after another'
     assert advice.text.startswith('501 publishers, one after another: create the broadcaster once')
 
 
@@ -271,7 +265,8 @@ def test_a_broadcaster_for_each_frame():
     messages = [message._replace(publisher=message.rows[0].child_frame_id)
                 for message in received(arm)]
     publishers = [Publisher(frame, '/dummy_arm', frame == 'base_link', 7) for frame in FRAMES[1:]]
-    assert line_of(check(messages, publishers=publishers), 'each broadcaster').verdict == OK
+    advice = line_of(check(messages, publishers=publishers), 'each broadcaster')
+    assert advice.verdict == Verdict.OK
     messages = [message for message in messages if message.publisher != 'joint_2']
     assert first_failure(check(messages, publishers=publishers)).text == (
         'No transform of joint_2 was received.')
@@ -297,10 +292,10 @@ def test_good_practice(arm, practice, text):
     """It is advised, and has no influence on the result; a good arm follows it."""
     report = check(received(arm))
     assert report.passed
-    assert [line.requirement for line in report.advice if line.verdict == ADVICE] == [
+    assert [line.requirement for line in report.advice if line.verdict == Verdict.ADVICE] == [
         line_of(report, practice).requirement]
     assert text in line_of(report, practice).text
-    assert line_of(report_of_the_model(), practice).verdict == OK
+    assert line_of(report_of_the_model(), practice).verdict == Verdict.OK
 
 
 def test_names_of_others_cannot_harm_the_terminal():
