@@ -9,6 +9,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
 from pathlib import Path
+import shutil
 import signal
 import time
 from typing import Any, Optional
@@ -60,6 +61,7 @@ def supervise(connection: Connection, file: str, seconds: float, domain: int,
                        Verdict.NOT_JUDGED), False
     finally:
         end_descendants()
+        shutil.rmtree(directory, ignore_errors=True)  # also if check_arm was killed
     with suppress(OSError):
         connection.send(result)
 

@@ -82,11 +82,13 @@ def test_a_killed_check_arm_leaves_no_program(start, tmp_path):
     (tmp_path / 'endless.py').write_text(ENDLESS)
     (tmp_path / 'fast.py').write_text('1 / 0')
     arguments = tool('check_arm', 'endless.py', 'fast.py', '--csv', 'grades.csv', '--jobs', '2')
-    process = start(*arguments, cwd=tmp_path, environment={'PIDS': str(tmp_path)})
+    process = start(*arguments, cwd=tmp_path, environment={
+        'PIDS': str(tmp_path), 'TMPDIR': str(tmp_path)})
     pids = started_pids(tmp_path / 'endless.pid')
     eventually(lambda: verdicts(tmp_path) == ['not run', 'not ok'])
     process.end(signal.SIGKILL)
     eventually(lambda: not [pid for pid in pids if is_running(pid)])
+    eventually(lambda: not [*tmp_path.glob('check_arm_*')])
     (tmp_path / 'endless.py').write_text('')
     process = start(*arguments, '--resume', cwd=tmp_path)
     assert process.exit_code() == 1
