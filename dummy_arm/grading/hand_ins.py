@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
-import os
 import random
 import signal
 import socket
@@ -13,9 +12,13 @@ from tempfile import TemporaryDirectory
 import time
 from typing import Optional
 
-import psutil
-
-from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
+from dummy_arm.grading.processes import (
+    become_subreaper,
+    children,
+    end_descendants,
+    is_descendant,
+    Worker,
+)
 from dummy_arm.grading.records import DOMAINS, Grade, Verdict
 from dummy_arm.grading.supervisor import longest, supervise
 from puretf import shortened
@@ -65,7 +68,7 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
 @contextmanager
 def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
     """Block signals, and adopt orphans; yield what ends those that belong to none that runs."""
-    older = {child.pid for child in psutil.Process().children()}
+    older = {child.pid for child in children()}
 
     def end_orphans() -> None:
         end_descendants({*older, *(run.worker.pid for run in running)})
@@ -107,11 +110,8 @@ def _wait_for_signal() -> None:
     """Wait for a moment; raise KeyboardInterrupt at a signal that comes from no program."""
     if not (received := signal.sigtimedwait(_SIGNALS, _STEP)):
         return
-    # A terminal has no process id, and the sender has ended if it is pkill.
-    with suppress(psutil.NoSuchProcess):
-        if not received.si_pid or os.getpid() not in [
-                each.pid for each in psutil.Process(received.si_pid).parents()]:
-            raise KeyboardInterrupt
+    if not (received.si_pid and is_descendant(received.si_pid)):  # a terminal has no process id
+        raise KeyboardInterrupt
     print(f'check_arm: warning: {signal.Signals(received.si_signo).name} is ignored, since '
           'a program may have sent it; Ctrl-C ends check_arm', file=sys.stderr)
 

@@ -103,11 +103,33 @@ def end_descendants(spared: Collection[int] = ()) -> None:
     """
     deadline = time.monotonic() + _LONGEST_END
     while time.monotonic() < deadline and (
-            found := [each for each in psutil.Process().children() if each.pid not in spared]):
+            found := [each for each in children() if each.pid not in spared]):
         for each in found:
             with suppress(OSError):  # it has ended, or another user owns it
                 os.killpg(os.getpgid(each.pid), signal.SIGKILL)
         psutil.wait_procs(found, _ROUND)
+
+
+def children() -> list[psutil.Process]:
+    return psutil.Process().children()
+
+
+def descendants() -> dict[int, int]:
+    """Return the resident memory (bytes) of what this process has started, by process id."""
+    found = {}
+    for process in psutil.Process().children(recursive=True):
+        found[process.pid] = 0
+        with suppress(psutil.Error):  # it has ended
+            found[process.pid] = process.memory_info().rss
+    return found
+
+
+def is_descendant(pid: int) -> bool:
+    """Return whether this process has started another one, or that one has ended, as pkill has."""
+    try:
+        return os.getpid() in [each.pid for each in psutil.Process(pid).parents()]
+    except psutil.NoSuchProcess:
+        return True
 
 
 # ROS

@@ -15,11 +15,14 @@ import time
 from typing import Any, Optional
 import warnings
 
-import psutil
-
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import Observation, observe
-from dummy_arm.grading.processes import become_subreaper, end_descendants, Worker
+from dummy_arm.grading.processes import (
+    become_subreaper,
+    descendants,
+    end_descendants,
+    Worker,
+)
 from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
 from puretf.domains import ros_domains
@@ -61,7 +64,8 @@ def supervise(connection: Connection, file: str, seconds: float, domain: int,
                        Verdict.NOT_JUDGED), False
     finally:
         end_descendants()
-        shutil.rmtree(directory, ignore_errors=True)  # also if check_arm was killed
+        with suppress(RecursionError):  # of too many directories in each other
+            shutil.rmtree(directory, ignore_errors=True)  # also if check_arm was killed
     with suppress(OSError):
         connection.send(result)
 
@@ -134,8 +138,7 @@ class _Supervisor:
 
     def _elsewhere(self, domain: int) -> str:
         """Return in which other ROS domain the program publishes; '' if in none."""
-        pids = [each.pid for each in self._processes()]
-        others = [each for each in sorted(ros_domains(pids)) if each != domain]
+        others = [each for each in sorted(ros_domains(self._processes())) if each != domain]
         return (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; the '
                 'user sets the domain.') if others else ''
 
@@ -156,10 +159,9 @@ class _Supervisor:
             signal.alarm(0)
         return f'{Verdict.NOT_OK}: {fault}' if fault else Verdict.OK
 
-    def _processes(self) -> list[psutil.Process]:
-        """Return the processes of the hand-in, also those that have ended but are not reaped."""
-        return [each for each in psutil.Process().children(recursive=True)
-                if each.pid != self._observer.pid]
+    def _processes(self) -> dict[int, int]:
+        """Return the memory (bytes) of the processes of the hand-in, by process id."""
+        return {pid: memory for pid, memory in descendants().items() if pid != self._observer.pid}
 
     def _watch(self) -> None:
         """
@@ -183,11 +185,7 @@ class _Supervisor:
         found = self._processes()
         if len(found) > _MOST_PROCESSES:
             raise ProgramError(f'It starts more than {_MOST_PROCESSES} processes.')
-        memory = 0
-        for process in found:
-            with suppress(psutil.Error):  # it has ended
-                memory += process.memory_info().rss
-        if memory > _MOST_MEMORY:
+        if sum(found.values()) > _MOST_MEMORY:
             raise ProgramError(f'It uses more than {_MOST_MEMORY // 2**30} GiB of memory.')
         if crowd:
             crowd.send(signal.SIGCONT)

@@ -161,6 +161,16 @@ def test_without_pypdf(failed, monkeypatch):
         'check_arm: pypdf is needed to read a PDF: apt install python3-pypdf, or pip')
 
 
+@on_linux
+def test_without_psutil(failed, monkeypatch):
+    """The remedy is named."""
+    for name in 'psutil', 'dummy_arm.grading.hand_ins', 'dummy_arm.grading.processes':
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, 'psutil', None)
+    assert failed(main, 'arm.py') == (
+        1, 'check_arm: psutil is missing: pip install psutil, or apt install python3-psutil\n')
+
+
 #: By name: the bytes of a hand-in, and the reason why it is not run.
 REFUSED: dict[str, tuple[Any, str]] = {
     'umlaut.py': ('# größer\n'.encode('latin-1'), 'It is not encoded as UTF-8: save it as UTF-8.'),
