@@ -34,7 +34,7 @@ _MARGIN, _DRAWING = 20.0, 10
 #: How long to wait before the next look at all (s), and at the processes (s).
 _STEP, _SCAN_INTERVAL = 0.05, 0.25
 #: The limits of all processes of a hand-in together.
-_MOST_PROCESSES, _MOST_MEMORY = 256, 2 * 2**30
+_MOST_PROCESSES, _MOST_MEMORY = 128, 2 * 2**30
 
 
 def longest(seconds: float) -> float:

@@ -268,13 +268,13 @@ CHAOS = {
         """) + program(('radians(45)', 'radians(90)')), 'not ok', r'(?i)\bend(s|ed)\b'),
 
     # Programs that take too much
-    # 2048 small processes, whose memory is less than its limit.
+    # Small processes: 128 of them have less memory than its limit.
     'fork_bomb.py': HandIn(limited("""
         for _ in range(11):
             os.fork()
             signal.alarm(60)
         time.sleep(60)
-        """), 'not ok', r'\b256\b|processes'),
+        """), 'not ok', 'more than 128 processes'),
     # 2.8 GiB, but only 0.6 GiB in each process.
     'memory_hog.py': HandIn(limited("""
         for _ in range(5):
