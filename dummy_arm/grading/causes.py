@@ -308,12 +308,12 @@ def of_wave(joint: Edge, times: Floats, angles: Floats, sine: Sine) -> str:
     return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
 
 
-def of_short_time(joint: Edge, sine: Sine, has_fixed_step: bool) -> str:
+def of_short_time(joint: Edge, sine: Sine) -> str:
     """Return why less than a period was observed, and how long to observe the arm."""
     seconds = max(25, 5 * int(np.ceil(2 * pi / sine.speed / 5)))
     remedy = f'observe the arm for {seconds} s (--time {seconds})'
     if sine.speed * SPEED_FACTOR < joint.speed and sine.is_exact and sine.span >= LONG_ENOUGH:
-        return f'{of_speed(joint, sine.speed, has_fixed_step)} Or {remedy}.'
+        return f'{of_speed(joint, sine.speed, sine.has_fixed_step)} Or {remedy}.'
     return f'{sine.span:.1f} s are less than a period: {remedy}.'
 
 

@@ -70,15 +70,17 @@ class Observer:
     def report(self, int_line: Optional[int] = None, is_at_once: bool = False) -> Report:
         """Judge the messages; before that, start a late listener, unless it is at once."""
         from dummy_arm.grading.requirements import check
-        if is_at_once:
-            return check(self.messages, None, None, self.publishers(), int_line)._replace(
-                passed=False)
-        self.poll()
-        end = time.time_ns()
-        is_sent = any(row.child_frame_id.removeprefix('/') == 'base_link'
-                      for message in self.messages if message.is_static for row in message.rows)
-        return check(self.messages, is_sent and self._reaches_late_joiners(), end,
-                     self.publishers(), int_line)
+        end = reaches = None
+        if not is_at_once:
+            self.poll()
+            end = time.time_ns()
+            reaches = self._has_static_base() and self._reaches_late_joiners()
+        report = check(self.messages, reaches, end, self.publishers(), int_line)
+        return report._replace(passed=report.passed and not is_at_once)
+
+    def _has_static_base(self) -> bool:
+        return any(row.child_frame_id.removeprefix('/') == 'base_link'
+                   for message in self.messages if message.is_static for row in message.rows)
 
 
 class Observation(NamedTuple):

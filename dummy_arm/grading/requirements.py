@@ -262,13 +262,6 @@ def _limit(arm: Arm, joint: Edge, _: Any) -> Result:
     return Result(measured, causes.of_excess(joint, largest))
 
 
-class _Wave(NamedTuple):
-    """A sine, and whether it is one of the number of the message, and not of the time."""
-
-    sine: Sine
-    has_fixed_step: bool
-
-
 def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
     samples = arm.samples[joint.name]
     usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
@@ -281,31 +274,30 @@ def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
     times = (stamps[order] - stamps.min()) / SECOND
     angles = np.unwrap(samples.angles[usable][order])
     sine = fit_sine(times, angles)
-    is_fixed, ticks = False, samples.ticks
+    ticks = samples.ticks
     if sine.residual > _EXACT and ticks[-1] >= 1.0:
         fixed = fit_sine(ticks, np.unwrap(samples.angles))
-        if is_fixed := fixed.residual < sine.residual * (
-                _BETTER if sine.is_exact else 1.0):
-            times, angles, sine = ticks, np.unwrap(samples.angles), fixed
-    wave = _Wave(sine, is_fixed) if sine.is_exact else None
+        if fixed.residual < sine.residual * (_BETTER if sine.is_exact else 1.0):
+            times, angles = ticks, np.unwrap(samples.angles)
+            sine = fixed._replace(has_fixed_step=True)
+    found = sine if sine.is_exact else None
     if sine.periods < _SHORTEST_WAVE:
-        raise NotJudged(causes.of_short_time(joint, sine, is_fixed),
-                        f'{sine.periods:.2f} periods', wave)
+        raise NotJudged(causes.of_short_time(joint, sine), f'{sine.periods:.2f} periods', found)
     return Result(f'differs by {100 * sine.residual:.1f} % of the amplitude',
-                  '' if wave else causes.of_wave(joint, times, angles, sine), value=wave)
+                  '' if found else causes.of_wave(joint, times, angles, sine), value=found)
 
 
 def _speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
-    waves: list[_Wave] = [result.value for result in needed.values()]
-    for joint, wave in zip(JOINTS, waves):
-        if wave and wave.sine.periods < _SLOW and wave.sine.span >= causes.LONG_ENOUGH:
-            return Result(f'{joint.name}: less than {wave.sine.speed:.2g} rad/s',
+    sines: list[Sine] = [result.value for result in needed.values()]
+    for joint, sine in zip(JOINTS, sines):
+        if sine and sine.periods < _SLOW and sine.span >= causes.LONG_ENOUGH:
+            return Result(f'{joint.name}: less than {sine.speed:.2g} rad/s',
                           causes.of_slow_joint(joint))
-        if not wave or wave.sine.periods < _SHORTEST_WAVE:
+        if not sine or sine.periods < _SHORTEST_WAVE:
             raise NotJudged(f'The speed of {joint.name} cannot be measured.')
     # The speed on the sheet can be that of the phase, or the largest one that a joint reaches.
-    speeds, reading = [wave.sine.speed for wave in waves], 'phase'
-    largest = [wave.sine.fastest for wave in waves]
+    speeds, reading = [sine.speed for sine in sines], 'phase'
+    largest = [sine.fastest for sine in sines]
     if _are_in_order(largest) and _deviation(largest) < _deviation(speeds):
         speeds, reading = largest, 'largest speed'
     measured = f'{", ".join(f"{speed:.2f}" for speed in speeds)} rad/s ({reading})'
@@ -372,11 +364,11 @@ def _rate(arm: Arm, *_: Any) -> Result:
 
 
 def _clock(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
-    waves: list[_Wave] = [result.value for result in needed.values() if result.value]
-    if any(wave.has_fixed_step for wave in waves):
+    sines: list[Sine] = [result.value for result in needed.values() if result.value]
+    if any(sine.has_fixed_step for sine in sines):
         return Result('a sine of the number of the message',
                       'Use the clock: with a fixed step, the speed depends on the rate.')
-    return Result('a sine of the time' if waves else '')
+    return Result('a sine of the time' if sines else '')
 
 
 def _same_stamp(arm: Arm, *_: Any) -> Result:

@@ -27,6 +27,7 @@ class Sine(NamedTuple):
     phase: float  #: the phase at the first time (rad)
     residual: float  #: the root mean square of the residuals, divided by the amplitude
     periods: float  #: the number of periods between the first and the last time
+    has_fixed_step: bool = False  #: True if it is one of the number of the message
 
     @property
     def is_exact(self) -> bool:
