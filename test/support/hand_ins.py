@@ -46,7 +46,6 @@ def limited(code):
     """Return a program with a limited time; the functions are those that the programs need."""
     return dedent("""
         import os, signal, subprocess, sys, time
-        from pathlib import Path
 
         signal.alarm(90)
 
@@ -63,31 +62,17 @@ def limited(code):
             return True
 
 
-        def command_line(pid):
-            return Path(f'/proc/{pid}/cmdline').read_bytes()
-
-
-        def ancestors(pid):
-            found = []
-            while pid > 1:
-                pid = int(Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[1])
-                found.append(pid)
-            return found[:-1]
-
-
         def pkill(name):
             # As `pkill -f name`, but only check_arm and what it has started; the sender ends.
+            import psutil
             if os.fork():
                 os.wait()
                 return
-            top = [pid for pid in ancestors(os.getpid()) if b'e.check_arm()' in command_line(pid)]
-            for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
-                try:
-                    if (pid != os.getpid() and name in command_line(pid)
-                            and top[-1] in [pid, *ancestors(pid)]):
-                        os.kill(pid, signal.SIGTERM)
-                except OSError:
-                    pass
+            top = [each for each in psutil.Process().parents()
+                   if '.check_arm()' in str(each.cmdline())]
+            for each in [top[-1], *top[-1].children(recursive=True)]:
+                if each.pid != os.getpid() and name in str(each.cmdline()):
+                    each.terminate()
             os._exit(0)
 
         """) + dedent(code)
@@ -205,11 +190,11 @@ MISTAKES = {
 CHAOS = {
     # Signals; the arm is right
     'pkill.py': HandIn(limited("""
-        pkill(b'dummy_arm.py')
+        pkill('dummy_arm.py')
         """) + program(), 'ok', ''),
     # It also ends the programs that run at the same time, and itself.
     'pkill_python.py': HandIn(limited("""
-        pkill(b'python')
+        pkill('python')
         """) + program(), 'not ok', 'by signal 15|exit code 0'),
     'kills_parent.py': HandIn(limited("""
         os.kill(os.getppid(), signal.SIGKILL)
