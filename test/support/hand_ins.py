@@ -71,8 +71,11 @@ def limited(code):
             top = [each for each in psutil.Process().parents()
                    if '.check_arm()' in str(each.cmdline())]
             for each in [top[-1], *top[-1].children(recursive=True)]:
-                if each.pid != os.getpid() and name in str(each.cmdline()):
-                    each.terminate()
+                try:
+                    if each.pid != os.getpid() and name in str(each.cmdline()):
+                        each.terminate()
+                except psutil.Error:  # it has ended
+                    pass
             os._exit(0)
 
         """) + dedent(code)
