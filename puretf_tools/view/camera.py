@@ -8,8 +8,9 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf_tools.view.display import VIEWS
-
+#: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
+VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),
+         'side': (0.0, -1.0, 0.0)}
 #: The times after the first frame at which the first camera is moved (s): at once, when most
 #: frames have appeared, and when a robot that moves has shown its reach.
 _FITS = 0.0, 1.0, 5.0
@@ -80,38 +81,29 @@ class FirstCamera:
         if not self.is_over:
             look_at(self._points, self._cameras)
             self._size = page_size(self._cameras[0])
-            with suppress(Exception):  # the camera is not known yet
-                self._put = np.array(self._cameras[0].position)
+            self._put = np.array(self._cameras[0].position)
 
     @property
     def view(self) -> list[float]:
         """The camera that the viewer has moved: position, what it looks at (m), angle (rad)."""
-        with suppress(Exception):  # the camera is not known yet
-            camera = self._cameras[0]
-            self.is_over = self.is_over or self._is_moved()
-            if self.is_over:
-                values = [*camera.position, *camera.look_at, camera.fov]
-                return [round(float(value), 4) for value in values]
-        return []
+        camera = self._cameras[0]
+        self.is_over = self.is_over or self._is_moved()
+        return [round(float(value), 4) for value in (
+            *camera.position, *camera.look_at, camera.fov)] if self.is_over else []
 
     def restore(self, view: list[Any]) -> None:
         """Set a `view`; if it is empty, show where the frames go."""
-        self.is_over = False
-        if len(view) == 7 and all(type(value) in (int, float) for value in view):
-            with suppress(Exception):  # it is not a camera
-                _put(self._cameras, np.array(view[:3]), np.array(view[3:6]), view[6], _FAR)
-                self.is_over = True
+        self.is_over = len(view) == 7 and all(type(value) in (int, float) for value in view)
+        if self.is_over:
+            _put(self._cameras, np.array(view[:3]), np.array(view[3:6]), view[6], _FAR)
         elif self._due is not None:
-            self._put = None
-            self._due = [0.0]
+            self._put, self._due = None, [0.0]
 
     def _is_moved(self) -> bool:
-        with suppress(Exception):  # the camera is not known yet
-            position, target = (np.array(getattr(self._cameras[0], name))
-                                for name in ('position', 'look_at'))
-            return self._put is not None and bool(
-                np.linalg.norm(position - self._put) > _MOVED * np.linalg.norm(position - target))
-        return False
+        camera = self._cameras[0]
+        return self._put is not None and bool(
+            np.linalg.norm(np.subtract(camera.position, self._put))
+            > _MOVED * np.linalg.norm(np.subtract(camera.position, camera.look_at)))
 
 
 def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
@@ -131,23 +123,18 @@ def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
         middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
     else:
         away *= _DISTANCE * max(1.0, height / width)
-    # viser fails if the client has sent an invalid pose.
-    for each in cameras:
-        with suppress(Exception):
-            _put([each], middle + away, middle, angle, max(_FAR, _FAR * radius))
+    _put(cameras, middle + away, middle, angle, max(_FAR, _FAR * radius))
 
 
 def _put(cameras: Sequence[Any], position: NDArray[np.float64], target: NDArray[np.float64],
          angle: float, far: float) -> None:
     for each in cameras:
-        with np.errstate(all='ignore'):
+        # viser refuses numbers that are not finite, and to look along the camera's own `up`.
+        with suppress(ValueError), np.errstate(all='ignore'):
             each.position, each.look_at, each.fov, each.far = position, target, angle, far
 
 
 def page_size(camera: Any) -> tuple[float, float]:
     """Return the width and the height of the page of a camera (pixels)."""
-    with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
-        width, height = float(camera.image_width), float(camera.image_height)
-        if width > 0.0 and 1.0 <= height < 1e5:
-            return width, height
-    return 2 * _HEIGHT, _HEIGHT
+    width, height = (getattr(camera, name, 0) for name in ('image_width', 'image_height'))
+    return (width, height) if width > 0 and height > 0 else (2 * _HEIGHT, _HEIGHT)

@@ -1,16 +1,24 @@
-"""Controls of the panels, what a viewer has set, and the numbers that viewers send."""
+"""What the panels are made of: choices, rows and texts; and what a viewer has set."""
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from html import escape
 import json
-from math import isfinite
 from typing import Any, NamedTuple, Optional
 
 import viser
 
+from puretf import visible
+
 #: The choice of no frame, and that of the frame that the program proposes.
 NONE, AUTOMATIC = '(none)', '(automatic)'
-#: The largest number of characters of what is restored.
-_LONGEST = 50_000
+#: The place of a text below all controls, also those that are added later.
+LAST = 1e9
+#: Of the texts in the panel.
+STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
+         'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
+#: A click selects the whole text.
+_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
 
 
 class _Kept(NamedTuple):
@@ -25,7 +33,9 @@ class _Kept(NamedTuple):
 class Settings:
     """What a viewer has set, by names such as the labels of controls."""
 
-    def __init__(self) -> None:
+    def __init__(self, first: str = '') -> None:
+        """Begin with what a line of JSON says, if there is one."""
+        self._first = first
         self._kept: dict[str, _Kept] = {}
         self._wanted: dict[str, Any] = {}  # what was restored last
 
@@ -62,7 +72,7 @@ class Settings:
     def restore(self, text: str) -> str:
         """Set what a line of JSON says, and return ''; or set nothing, and return why."""
         try:
-            values = json.loads(text[:_LONGEST])
+            values = json.loads(text)
         except (ValueError, RecursionError) as error:
             return f'this is no view: {error}'
         if not isinstance(values, dict):
@@ -77,6 +87,7 @@ class Settings:
         self._wanted = {}
         for kept in self._kept.values():
             kept.write(kept.default)
+        self.restore(self._first or '{}')
 
     def _restore(self, name: str) -> None:
         if (kept := self._kept.get(name)) and type(
@@ -84,82 +95,117 @@ class Settings:
             kept.write(value)
 
 
-class Setting:
+class Choice:
     """
-    The value of a control that viewers and the program set.
+    What a viewer has chosen, or else what the program proposes, as the value of a control.
 
-    viser stores what a viewer has set some time before it calls back. Meanwhile `show` must not
+    viser stores what a viewer has set some time before it calls back. Meanwhile `propose` must not
     put the old value back, so it writes only what differs from what it knows.
     """
 
-    def __init__(self, control: Any, on_set: Callable[[Any], object]) -> None:
-        """Call a function with each value that a viewer sets."""
-        self._control, self._known, self._on_set = control, control.value, on_set
+    def __init__(self, control: Any, settings: Optional[Settings] = None) -> None:
+        self._control, self._known = control, control.value
+        self._proposal: Any = type(self._known)()
+        self._chosen: Any = None
         control.on_update(self._on_update)
-
-    @property
-    def value(self) -> Any:
-        """What a viewer or the program has set."""
-        return self._known
+        if settings:
+            settings.add(control.label, lambda: self._chosen, self.choose, type(self._known),
+                         type(None))
 
     async def _on_update(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
             self._known = event.target.value
-            self._on_set(self._known)
+            self.choose(self._known)
 
-    def show(self, value: object) -> None:
-        """Set the value, as the program wants it."""
+    @property
+    def value(self) -> Any:
+        """What is chosen or proposed."""
+        return self._proposal if self._chosen is None else self._chosen
+
+    def choose(self, value: Any) -> None:
+        """Choose a value, as if a viewer had set it; None: what is proposed."""
+        self._chosen = value
+
+    def propose(self, proposal: Any) -> None:
+        """Set the proposal, and show what is chosen or proposed."""
+        self._proposal = proposal
+        self._show(self.value)
+
+    def _show(self, value: Any) -> None:
         if value != self._known:
             self._known = self._control.value = value
 
-    def set_options(self, options: tuple[str, ...]) -> None:
-        """Set the options of a dropdown; if its value is none of them, it becomes the first."""
-        if options != self._control.options:
-            self._control.options = options
-            self._known = self._control.value
 
-
-class FrameChoice:
-    """A dropdown of frames; until a viewer chooses a frame, the program proposes one."""
+class FrameChoice(Choice):
+    """A dropdown of frames, or of none: ''."""
 
     def __init__(self, gui: viser.GuiApi, label: str, none: str = NONE,
                  settings: Optional[Settings] = None) -> None:
         """Add a dropdown, in which `none` stands before the frames."""
         self._none = none
-        self._dropdown = gui.add_dropdown(label, (none,))
-        self._shown = Setting(self._dropdown, self.choose)
-        self._chosen: Optional[str] = None
-        self._proposal = ''
-        if settings:
-            settings.add(label, lambda: self._chosen, self._restore, str, type(None))
-
-    @property
-    def name(self) -> str:
-        """The chosen or proposed frame; '' if there is none."""
-        return self._proposal if self._chosen is None else self._chosen
+        super().__init__(gui.add_dropdown(label, (none,)), settings)
 
     @property
     def chosen(self) -> str:
         """The frame that a viewer has chosen; '' if there is none."""
         return self._chosen or ''
 
-    def choose(self, name: str) -> None:
-        """Choose a frame, as if a viewer had selected it in the dropdown."""
-        self._chosen = None if name == AUTOMATIC else '' if name == NONE else name
+    def choose(self, value: Optional[str]) -> None:
+        super().choose(None if value == AUTOMATIC else '' if value == NONE else value)
 
-    def _restore(self, name: Optional[str]) -> None:
-        self._chosen = name
+    def _show(self, value: str) -> None:
+        if (shown := value or self._none) in self._control.options:
+            super()._show(shown)
 
     def set_options(self, names: Iterable[str]) -> None:
         """Set the frames; the chosen one stays, since it may be published again."""
-        self._shown.set_options((self._none, *sorted({*names, self.chosen} - {''})))
+        options = self._none, *sorted({*names, self.chosen} - {''})
+        if options != self._control.options:
+            self._control.options = options
+            self._known = self._control.value
 
-    def propose(self, proposal: str) -> None:
-        """Set the proposal, and show the frame that is chosen or proposed."""
-        self._proposal = proposal
-        shown = self.name or self._none
-        if shown in self._dropdown.options:
-            self._shown.show(shown)
+
+class Row(NamedTuple):
+    """A button, and perhaps a text below it."""
+
+    key: Any  #: what a click gives
+    label: str
+    colour: tuple[int, int, int]
+    text: str = ''  #: in HTML
+
+
+class Rows:
+    """Rows that change: controls are added when there are more rows, and hidden when fewer."""
+
+    def __init__(self, gui: viser.GuiApi, container: Any) -> None:
+        self._gui, self._container = gui, container
+        self._rows: Sequence[Row] = ()
+        self._buttons: list[Any] = []
+        self._texts: list[Any] = []
+        #: The key of the row that was clicked last, until somebody takes it.
+        self.clicks: deque[Any] = deque(maxlen=1)
+
+    async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
+        number, rows = self._buttons.index(event.target), self._rows
+        if number < len(rows):
+            self.clicks.append(rows[number].key)
+
+    def show(self, rows: Sequence[Row]) -> None:
+        """Show these rows; all of them have a text, or none."""
+        self._rows = rows
+        with self._container:
+            for row in rows[len(self._buttons):]:
+                self._buttons.append(self._gui.add_button(''))
+                self._buttons[-1].on_click(self._on_click)
+                if row.text:
+                    self._texts.append(self._gui.add_html(''))
+        for row, button in zip(rows, self._buttons):
+            change(button, label=row.label, color=row.colour)
+        for row, text in zip(rows, self._texts):
+            change(text, content=row.text)
+        for handles in self._buttons, self._texts:
+            for i, handle in enumerate(handles):
+                change(handle, visible=i < len(rows))
 
 
 def change(handle: Any, **values: Any) -> None:
@@ -169,7 +215,21 @@ def change(handle: Any, **values: Any) -> None:
             setattr(handle, name, value)
 
 
-def within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
-    number = float(value)
-    return min(max(number, smallest), largest) if isfinite(number) else smallest
+def within(value: float, smallest: float, largest: float) -> float:
+    """Clamp a number."""
+    return min(max(value, smallest), largest)
+
+
+def html(text: str, key: str) -> str:
+    """Return a text as an element of the panel; '' if it is empty."""
+    return f'<div style="{STYLE}" data-text="{key}">{escaped(text)}</div>' if text else ''
+
+
+def copied(text: str, key: str) -> str:
+    """Return in HTML a text that a click selects."""
+    return f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
+
+
+def escaped(text: str) -> str:
+    """Return a text for HTML, in which control characters are visible."""
+    return escape(visible(text))

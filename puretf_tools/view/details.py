@@ -1,7 +1,6 @@
-"""The texts in the panel of the web page: an overview, details of a frame, texts to copy."""
+"""The texts about frames: an overview, the details of one, and the command that publishes it."""
 
 from collections.abc import Iterable
-from html import escape
 from math import degrees
 from shlex import quote
 from typing import Optional
@@ -12,53 +11,49 @@ from numpy.typing import NDArray
 from puretf import comma_list, Frame, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
+from puretf_tools.view.controls import escaped, html, STYLE
 from puretf_tools.view.feed import AnyBuffer, Feed
 from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
 from puretf_tools.view.silent_frames import SILENT, TIMEOUT
 
 #: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5
-#: Of the texts in the panel.
-STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
-          'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
-#: A click selects the whole text.
-_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
 
 
-def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
-             timeout: float = TIMEOUT) -> str:
-    """Return in HTML how many frames are shown, and every problem; `hint`: at other topics."""
+def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float = TIMEOUT) -> str:
+    """Return in HTML how many frames are shown, and every problem."""
     timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
                  if age >= timeout]
     alive = len(placement.names) - len(timed_out)
     lines = [f'{alive} frame{"" if alive == 1 else "s"}' if placement.names else
-             f'no frames yet. {_text(feed.why_no_frames())}']
-    if placement.names and hint:
-        lines.append(_text(hint))
+             f'no frames yet. {escaped(feed.why_no_frames())}']
+    if placement.names and feed.hint:
+        lines.append(escaped(feed.hint))
     if timed_out:
         lines.append(f'not shown, because no transform with a newer stamp has arrived for '
-                     f'{timeout:g} s on the path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
+                     f'{timeout:g} s on the path to: {comma_list(timed_out, _MAX_NAMES, escaped)}')
     if placement.gone:
         lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
                      'update for a minute: not shown')
     if placement.left_out:
         total = len(placement.names) + len(placement.not_finite) + len(placement.left_out)
         lines.append(f'only {MAX_FRAMES} of {total} frames are shown, not: '
-                     f'{comma_list(placement.left_out, _MAX_NAMES, _text)}')
+                     f'{comma_list(placement.left_out, _MAX_NAMES, escaped)}')
     if fixed not in ('', placement.fixed):
-        lines.append(f'the fixed frame {_text(fixed)} is not available' + (
-            f'; instead of it: {_text(placement.fixed)}' if placement.fixed else ''))
+        lines.append(f'the fixed frame {escaped(fixed)} is not available' + (
+            f'; instead of it: {escaped(placement.fixed)}' if placement.fixed else ''))
     if len(placement.trees) > 1:
         others = [name for name in placement.trees if name != placement.fixed]
-        lines.append(f'not connected to {_text(placement.fixed)}: '
-                     f'{comma_list(others, _MAX_NAMES, _text)}')
+        lines.append(f'not connected to {escaped(placement.fixed)}: '
+                     f'{comma_list(others, _MAX_NAMES, escaped)}')
     if far := [name for name in placement.far if name not in {*timed_out}]:
         lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: '
-                     f'{comma_list(far, _MAX_NAMES, _text)}')
+                     f'{comma_list(far, _MAX_NAMES, escaped)}')
     if placement.not_finite:
         lines.append('not shown, since the translation is not finite: '
-                     f'{comma_list(placement.not_finite, _MAX_NAMES, _text)}')
-    lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in placement.loops]
+                     f'{comma_list(placement.not_finite, _MAX_NAMES, escaped)}')
+    lines += [f'in a loop: {" → ".join(map(escaped, [*loop, loop[0]]))}'
+              for loop in placement.loops]
     return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
 
@@ -92,13 +87,13 @@ def details(placement: Placement, name: str, feed: Feed, buffer: Optional[AnyBuf
                       placement.poses[i, 3:])
     if hole := feed.hole(target, name):
         rows += ('<tr><td colspan="2" style="padding-top: .4em">'
-                 f'<span data-value="hole">{_text(hole)}</span></td></tr>')
+                 f'<span data-value="hole">{escaped(hole)}</span></td></tr>')
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
     if target != placement.fixed and (
             why := buffer.why_not(placement.fixed, name, 0)):
         rows += ('<tr><td colspan="2" style="padding-top: .4em">not in the fixed frame: '
-                 f'<span data-value="why">{_text(why)}</span></td></tr>')
+                 f'<span data-value="why">{escaped(why)}</span></td></tr>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'
 
 
@@ -131,30 +126,16 @@ def _pose(prefix: str, feed: Feed, stamp: int, translation: NDArray[np.float64],
 def _title(key: str, name: str, text: str) -> str:
     """Return a heading row: a text, then the name of a frame in bold; the name may be ''."""
     return (f'<tr><td colspan="2" style="padding-top: .4em">{text} '
-            f'<b data-value="{key}">{_text(name)}</b></td></tr>')
+            f'<b data-value="{key}">{escaped(name)}</b></td></tr>')
 
 
 def _row(key: str, label: str, value: str) -> str:
     return (f'<tr><td style="padding-right: .8em; opacity: .7; white-space: nowrap">{label}</td>'
-            f'<td data-value="{key}">{_text(value)}</td></tr>')
+            f'<td data-value="{key}">{escaped(value)}</td></tr>')
 
 
 def _numbers(values: Iterable[float], precision: int) -> str:
     return '  '.join(fixed_point(value, precision) for value in values)
-
-
-def html(text: str, key: str) -> str:
-    """Return a text as an element of the panel; '' if it is empty."""
-    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>' if text else ''
-
-
-def _text(text: str) -> str:
-    return escape(visible(text))
-
-
-def copied(text: str, key: str) -> str:
-    """Return in HTML a text that a click selects."""
-    return f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
 
 
 def command_line(parent: str, child: str, numbers: Iterable[tuple[str, float]]) -> str:

@@ -3,28 +3,20 @@
 from collections.abc import Callable, Sequence
 from socket import create_server
 import sys
-from typing import NamedTuple
 
 import numpy as np
 
-from puretf_tools.view.axes import Display
+from puretf_tools.view.axes_and_trail import Display, Pieces, Trail
 from puretf_tools.view.body import BodyDisplay, mesh_files
 from puretf_tools.view.camera import look_at
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.scene import MOST_NAMES, Scene
-from puretf_tools.view.trail import Pieces, Trail
 from puretf_tools.view.viser_private import Server
 
 #: The time between two moments of a recording (s).
 PERIOD = 0.05
-
-
-class _Moment(NamedTuple):
-    time: float  #: s
-    placement: Placement
-    trail: Pieces
 
 
 class Recording:
@@ -33,13 +25,14 @@ class Recording:
     def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
         self._feed, self._meshes = feed, Meshes(meshes)
         self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
-        self.moments: list[_Moment] = []
+        #: The time of each (s), the frames, and the trail.
+        self.moments: list[tuple[float, Placement, Pieces]] = []
         self.problems: Sequence[str] = ()  #: of the page: a line for each mesh that is not drawn
 
     @property
     def duration(self) -> float:
         """The time from the first moment to the last one (s)."""
-        return self.moments[-1].time - self.moments[0].time if self.moments else 0.0
+        return self.moments[-1][0] - self.moments[0][0] if self.moments else 0.0
 
     def add(self, time: float, until: int = 0) -> None:
         """
@@ -51,7 +44,7 @@ class Recording:
         self._feed.descriptions()  # it searches for them
         placement = self._watcher.placement('', until)
         if placement.names:
-            self.moments.append(_Moment(
+            self.moments.append((
                 time, placement, self._trail.pieces(placement, placement.deepest, Display())))
 
     def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
@@ -72,9 +65,9 @@ class Recording:
                 scene.seen(placement, Display().shown(placement))
                 for _, placement, _ in self.moments[:1 if follow else None]]),
                     [server.initial_camera])
-            serializer, before = server.get_scene_serializer(), self.moments[0].time
+            serializer, before = server.get_scene_serializer(), self.moments[0][0]
             for time, placement, trail in self.moments:
-                on_progress(time - self.moments[0].time)
+                on_progress(time - self.moments[0][0])
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
                            {placement.deepest}, trail, descriptions, BodyDisplay(), follow)

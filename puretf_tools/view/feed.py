@@ -94,24 +94,17 @@ class HandPublisher:
 
     def send(self, transform: Transform, owner: object) -> str:
         """Publish a transform of an owner, and return ''; or return why it is refused."""
-        from geometry_msgs.msg import TransformStamped
-
         from puretf import StaticTransformBroadcaster
         node, name = self._frame_listener.node, transform.child_frame_id
         if self._broadcasters.get(name, (owner,))[0] is not owner:
             return f'another viewer publishes frame {visible(name)} already'
         if why := self._why_refused(transform):
             return why
-        message = TransformStamped(child_frame_id=name)
-        message.header.frame_id = transform.frame_id
-        message.header.stamp = node.get_clock().now().to_msg()
-        t, r = message.transform.translation, message.transform.rotation
-        t.x, t.y, t.z = transform.translation
-        r.x, r.y, r.z, r.w = transform.rotation
         if name not in self._broadcasters:
             self._broadcasters[name] = owner, StaticTransformBroadcaster(node)
         try:
-            self._broadcasters[name][1].sendTransform(message)
+            self._broadcasters[name][1].sendTransform(transform._replace(
+                stamp=self._frame_listener.now()).to_message())
         except ValueError as error:  # such as a name of a parent that is not valid Unicode
             self.stop(name)
             return str(error)
@@ -164,6 +157,8 @@ class Feed:
     #: What `tf_doctor` finds, errors first; another object after a change.
     findings: Sequence[Finding] = ()
     verdict: str = ''  #: the line at the end of its report; '': not examined yet
+    #: Why transforms may not arrive, or that time has gone back; '' if neither.
+    hint: str = ''
 
     def watch(self, now: float) -> None:
         """Look at what has arrived; `now`: on the monotonic clock (s)."""
@@ -182,10 +177,6 @@ class Feed:
 
     def hole(self, target: str, name: str) -> str:
         """Say over which hole in the data the shown pose is interpolated; '' if there is none."""
-        return ''
-
-    def topics_hint(self) -> str:
-        """Return why transforms may not arrive, or that time has gone back; '' if neither."""
         return ''
 
     def reset(self) -> None:
@@ -279,6 +270,7 @@ class LiveFeed(Feed):
                 OtherTopic(*each) for each in self._others.topics()], now)
             self._waiting, self._has_lost = [], False
             self.findings, self.verdict = self._recent.findings, self._recent.verdict
+            self.hint = self._frame_listener.topics_hint()
 
     def publication(self, frame: Frame) -> Publication:
         listener = self._frame_listener
@@ -290,9 +282,6 @@ class LiveFeed(Feed):
             publisher = f'{" and ".join(several)} (more than one publisher)'
         hertz, delay, _ = summary or (None, None, None)
         return Publication(hertz, delay, publisher)
-
-    def topics_hint(self) -> str:
-        return self._frame_listener.topics_hint()
 
     def reset(self) -> None:
         self.buffer.clear()

@@ -1,7 +1,7 @@
 """A static frame that a viewer places by hand: its controls, its handles, and texts to copy."""
 
-from collections.abc import Sequence
-from math import degrees, isfinite, radians
+from collections.abc import Iterable
+from math import degrees, radians
 from typing import Any, Optional
 
 import viser
@@ -9,8 +9,8 @@ import viser
 from puretf import is_too_long, shortened, suggest_names, Transform, visible
 from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
-from puretf_tools.view.controls import change, FrameChoice, Setting
-from puretf_tools.view.details import command_line, copied, html
+from puretf_tools.view.controls import change, Choice, copied, FrameChoice, html
+from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import HANDLES
@@ -21,8 +21,6 @@ Vector = tuple[float, float, float]
 _SIZE = 0.3
 #: Numbers are rounded to these digits: 1 mm, 0.01°.
 _DIGITS, _ANGLE_DIGITS = 3, 2
-#: The largest angle (degrees).
-_LARGEST_ANGLE = 360.0
 _LIMITS = ((-REACH, REACH),) * 3
 _ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -40,21 +38,21 @@ class HandFrame:
         """Add the controls to the current container; `publisher`: None for a bag."""
         self._publisher = publisher
         self._published: Optional[Transform] = None
-        self._name, self._is_on = '', False
+        self._name = ''
         #: The name and the parent that were refused, and why.
         self._refusal = '', '', ''
         #: x, y, z (m) and roll, pitch, yaw (degrees) in the parent.
         self._pose = _ZERO, _ZERO
         self._name_control = gui.add_text('New frame', '')
         self._name_control.on_update(self._on_name)
-        self._parent = FrameChoice(gui, 'Parent')
-        self._position, self._angles = (
-            gui.add_vector3(label, _ZERO, step=10.0**-digits)
-            for label, digits in (('x, y, z (m)', _DIGITS), ('RPY (°)', _ANGLE_DIGITS)))
+        self.parent = FrameChoice(gui, 'Parent')
+        self._position = gui.add_vector3(
+            'x, y, z (m)', _ZERO, min=(-REACH,) * 3, max=(REACH,) * 3, step=10.0**-_DIGITS)
+        self._angles = gui.add_vector3('RPY (°)', _ZERO, step=10.0**-_ANGLE_DIGITS)
         for control in self._position, self._angles:
             control.on_update(self._on_numbers)
-        self._checkbox = Setting(gui.add_checkbox(
-            'Publish', False, visible=publisher is not None), self._on_publish)
+        self._is_on = Choice(gui.add_checkbox(
+            'Publish', False, visible=publisher is not None))
         self._text = gui.add_html('')
         self._parent_node = scene.add_frame(HANDLES.rpartition('/')[0], show_axes=False)
         self._handles = scene.add_transform_controls(
@@ -64,13 +62,8 @@ class HandFrame:
     async def _on_name(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None and (name := event.target.value.strip()) != self._name:
             # What is typed letter by letter must not be published.
-            self._is_on, self._name = False, name
-
-    def _on_publish(self, is_on: bool) -> None:
-        self._is_on = is_on
-        if is_on and self._parent.name:
-            # The proposal may change, but the parent of a published frame must not.
-            self._parent.choose(self._parent.name)
+            self._is_on.choose(False)
+            self._name = name
 
     async def _on_numbers(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -81,15 +74,13 @@ class HandFrame:
         if event.phase == 'update':
             w, x, y, z = event.target.wxyz.tolist()
             roll, pitch, yaw = map(degrees, euler_from_quaternion((x, y, z, w)))
-            position = event.target.position.tolist()
-            self._set_pose(position, (roll, pitch, yaw))
-            if any(abs(value) > REACH for value in position):
-                self._move_handles()
+            self._set_pose(event.target.position.tolist(), (roll, pitch, yaw))
 
-    def _set_pose(self, position: Sequence[float], angles: Sequence[float]) -> None:
-        """Round and clamp numbers of a viewer, and show them; keep the old ones if not finite."""
-        self._pose = (_valid(position, REACH, _DIGITS, self._pose[0]),
-                      _valid(angles, _LARGEST_ANGLE, _ANGLE_DIGITS, self._pose[1]))
+    def _set_pose(self, position: Iterable[float], angles: Iterable[float]) -> None:
+        """Round numbers of a viewer, and show them."""
+        x, y, z = (round(value, _DIGITS) + 0.0 for value in position)
+        roll, pitch, yaw = (round(angle, _ANGLE_DIGITS) + 0.0 for angle in angles)
+        self._pose = (x, y, z), (roll, pitch, yaw)
         self._position.value, self._angles.value = self._pose
 
     def _move_handles(self) -> None:
@@ -97,14 +88,13 @@ class HandFrame:
         x, y, z, w = _quaternion(angles)
         self._handles.position, self._handles.wxyz = position, (w, x, y, z)
 
-    def set_frames(self, names: Sequence[str]) -> None:
-        """Set the frames that can be the parent."""
-        self._parent.set_options(names)
-
     def update(self, placement: Placement) -> None:
         """Move the handles with the parent, publish what has changed, and show the texts."""
-        self._parent.propose(placement.fixed)
-        name, parent, (position, angles) = self._name, self._parent.name, self._pose
+        if self._is_on.value and self.parent.value:
+            # The proposal may change, but the parent of a published frame must not.
+            self.parent.choose(self.parent.value)
+        self.parent.propose(placement.fixed)
+        name, parent, (position, angles) = self._name, self.parent.value, self._pose
         transform = Transform(0, parent, name, position, _quaternion(angles))
         if parent in placement.names:
             i = placement.names.index(parent)
@@ -126,15 +116,16 @@ class HandFrame:
     def _update_publication(self, transform: Transform, problem: str,
                             publisher: HandPublisher) -> None:
         """Send a transform that has changed; a refusal switches 'Publish' off."""
-        if self._is_on and transform != self._published:
+        if self._is_on.value and transform != self._published:
             if why := problem or publisher.send(transform, self):
-                self._is_on, why = False, f'not published: {why}'
+                self._is_on.choose(False)
+                why = f'not published: {why}'
             else:
                 self._published = transform
             self._refusal = transform.child_frame_id, transform.frame_id, why
-        if not self._is_on:
+        if not self._is_on.value:
             self.stop()
-        self._checkbox.show(self._is_on)
+        self._is_on.propose(False)
 
     def stop(self) -> None:
         """Stop publishing the frame."""
@@ -168,11 +159,3 @@ def _problem(transform: Transform, placement: Placement, can_be_published: bool)
 def _quaternion(angles: Vector) -> Quaternion:
     roll, pitch, yaw = map(radians, angles)
     return quaternion_from_euler(roll, pitch, yaw)
-
-
-def _valid(values: Sequence[Any], largest: float, digits: int, old: Vector) -> Vector:
-    """Round and clamp three numbers; return the old ones if these are not three finite numbers."""
-    if len(values) != 3 or not all(map(isfinite, values)):
-        return old
-    x, y, z = (round(min(max(value, -largest), largest), digits) + 0.0 for value in values)
-    return x, y, z

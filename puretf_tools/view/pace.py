@@ -39,11 +39,10 @@ class Pace:
         self._moves.put(None)
 
     def store(self, text: str) -> None:
-        """Let the browser store a text, in place of the one before; '': none."""
-        if text:
+        """Let the browser store a text, in place of the one before."""
+        if text != self.stored:
+            self.stored = text
             self._client.local_storage.set_item(self._key, text)
-        else:
-            self._client.local_storage.remove_item(self._key)
 
     def _work(self) -> None:
         try:

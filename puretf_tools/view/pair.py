@@ -1,6 +1,6 @@
 """The transform between two frames: in numbers, as texts to copy, and over time."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from math import atan2, degrees
 from typing import Any, Optional
 
@@ -10,8 +10,8 @@ import viser
 from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
-from puretf_tools.view.controls import FrameChoice, Settings
-from puretf_tools.view.details import command_line, copied, html, STYLE
+from puretf_tools.view.controls import copied, FrameChoice, html, Settings, STYLE
+from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import Feed
 
 #: The shortest times between two updates of the numbers and of the plots (s).
@@ -28,12 +28,13 @@ _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
 class Pair:
     """The transform between two frames that a viewer chooses: numbers, texts to copy, plots."""
 
-    def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed) -> None:
-        """Add the controls to the current container."""
+    def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed, selected: FrameChoice
+                 ) -> None:
+        """Add the controls to the current container; `selected`: the frame that buttons take."""
         self.buffer, self._feed, self._spans = feed.buffer, feed, (
             _SPANS_BAG if feed.player else _SPANS_LIVE)
-        self.selected = ''  #: the frame that the buttons take
-        self._a, self._b = (FrameChoice(gui, label, settings=settings) for label in 'AB')
+        self._selected = selected
+        self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
         self._take = gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP))
         self._take.on_click(self._on_take)
         self._numbers = gui.add_html('')
@@ -50,24 +51,20 @@ class Pair:
         self._updates: dict[str, tuple[int, float]] = {}
 
     @property
-    def frames(self) -> tuple[str, ...]:
-        """The two frames, if both are chosen; else none."""
-        frames = self._a.chosen, self._b.chosen
-        return frames if all(frames) else ()
+    def frames(self) -> tuple[str, str]:
+        """The two frames; '': it is not chosen."""
+        a, b = self.choices
+        return a.chosen, b.chosen
 
     def choose(self, a: str, b: str) -> None:
         """Choose both frames."""
-        self._a.choose(a)
-        self._b.choose(b)
+        for choice, name in zip(self.choices, (a, b)):
+            choice.choose(name)
 
     async def _on_take(self, event: 'viser.GuiEvent[Any]') -> None:
-        a, b, action = self._a.chosen, self._b.chosen, event.target.value
-        self.choose(*{_AS_A: (self.selected, b), _AS_B: (a, self.selected), _SWAP: (b, a)}[action])
-
-    def set_frames(self, names: Sequence[str]) -> None:
-        """Set the frames that can be chosen."""
-        for choice in self._a, self._b:
-            choice.set_options(names)
+        (a, b), selected = self.frames, self._selected.value
+        self.choose(*{_AS_A: (selected, b), _AS_B: (a, selected), _SWAP: (b, a)}[
+            event.target.value])
 
     def update(self, end: int, now: float) -> None:
         """
@@ -77,13 +74,13 @@ class Pair:
             the same as before, nothing changes, even if the buffer has dropped the data.
         :param now: the time on the monotonic clock (s).
         """
-        a, b = frames = self._a.chosen, self._b.chosen
-        for choice in self._a, self._b:
+        a, b = self.frames
+        for choice in self.choices:
             choice.propose('')
-        if (*frames, self._span.value) != self._key:
-            self._key = *frames, self._span.value
+        if (a, b, self._span.value) != self._key:
+            self._key = a, b, self._span.value
             self._updates.clear()
-        if '' in frames or a == b:
+        if not a or not b or a == b:
             self._show_numbers('A and B are the same frame.' if a == b != '' else '', None)
             self._show_plots(None)
             return

@@ -7,15 +7,24 @@ from typing import Any, Optional
 import viser
 
 from puretf_tools.view.body import BodyDisplay
-from puretf_tools.view.controls import AUTOMATIC, FrameChoice, Settings, within
-from puretf_tools.view.details import copied, html
-from puretf_tools.view.display import configure, DisplayPanel, LAST, RobotPanel, VIEWS
+from puretf_tools.view.camera import VIEWS
+from puretf_tools.view.controls import (
+    AUTOMATIC,
+    change,
+    copied,
+    FrameChoice,
+    html,
+    LAST,
+    Settings,
+    within,
+)
+from puretf_tools.view.display import configure, DisplayPanel
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.findings import Findings
 from puretf_tools.view.hand_frame import HandFrame
-from puretf_tools.view.joints import Joints
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement
+from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree import Tree
 from puretf_tools.view.viser_private import ACCESSIBLE
@@ -33,18 +42,12 @@ class Panel:
     """The controls and texts of one viewer."""
 
     def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings,
-                 look_from: Callable[[str], Awaitable[object]],
-                 on_reset_view: Callable[[], object]) -> None:
-        """
-        Add the controls.
-
-        :param look_from: moves the camera to one of `VIEWS`, or to the selected 'frame'.
-        :param on_reset_view: forgets what the viewer has set.
-        """
+                 look_from: Callable[[str], Awaitable[object]]) -> None:
+        """Add the controls; `look_from` moves the camera to a view, or to the selected 'frame'."""
         gui = client.gui
         configure(gui, False)
         gui.add_html(ACCESSIBLE)
-        self._settings, self._on_reset_view = settings, on_reset_view
+        self._settings = settings
         self._options: list[str] = []  # of the dropdowns
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
         self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
@@ -68,24 +71,25 @@ class Panel:
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
         tabs = self._tabs = gui.add_tab_group()
         #: None until there is a description of a robot.
-        self._robot: Optional[RobotPanel] = None
-        self._joints: Optional[Joints] = None
+        self._robot: Optional[RobotTab] = None
         if feed.joint_controls and feed.joint_controls.come_first:
             self._add_robot_tab()
         with tabs.add_tab('Frame'):
             self.selected = FrameChoice(gui, 'Frame', settings=settings)
             self.trail = FrameChoice(gui, 'Trail of', settings=settings)
             self.follow = FrameChoice(gui, 'Follow', settings=settings)
-            self._follows_yaw = settings.control(gui.add_checkbox('Follow its yaw', False))
+            self.follows_yaw = settings.control(gui.add_checkbox('Follow its yaw', False))
             self._details = gui.add_html('')
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, settings)
             self._add_view_controls(gui)
         with tabs.add_tab('Pair'):
-            self.pair = Pair(gui, settings, feed)
+            self.pair = Pair(gui, settings, feed, self.selected)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
         self._overview = gui.add_html('', order=LAST)
+        self._frame_choices = [self.fixed, self.selected, self.trail, self.follow,
+                               *self.pair.choices, self.hand_frame.parent]
 
     def _add_left_panel(self, gui: viser.GuiApi) -> None:
         panel = gui.add_panel()
@@ -103,8 +107,8 @@ class Panel:
         self._paste = gui.add_text('Paste view', '')
         self._paste.on_update(self._on_paste)
         self._problem = gui.add_html('')
-        gui.add_button('Reset view').on_click(self._on_reset_settings)
-        self._add_key('Reset view', 'R', self._on_reset_settings)
+        gui.add_button('Reset view').on_click(self._on_reset_view)
+        self._add_key('Reset view', 'R', self._on_reset_view)
 
     def _add_key(self, label: str, key: Any, act: Callable[[Any], Any]) -> None:
         self._gui.add_command(label, hotkey=key).on_trigger(act)
@@ -118,22 +122,21 @@ class Panel:
             self._problem.content = html(self._settings.restore(event.target.value), 'paste')
             event.target.value = ''
 
-    async def _on_reset_settings(self, _: Any) -> None:
-        self._on_reset_view()
+    async def _on_reset_view(self, _: Any) -> None:
+        self._settings.reset()
 
     async def _on_reset(self, _: Any) -> None:
         self._feed.reset()
 
     async def _on_view(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.target.value in VIEWS:
-            await self._look_from(event.target.value)
+        await self._look_from(event.target.value)
 
     async def _on_focus(self, view: str, _: Any) -> None:
         await self._look_from(view)
 
     @property
     def is_paused(self) -> bool:
-        return self._pause is not None and bool(self._pause.value)
+        return self._pause is not None and self._pause.value
 
     async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
         self._back.disabled = not event.target.value
@@ -161,10 +164,8 @@ class Panel:
         """
         if names != self._options and now >= self._next_options:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
-            for choice in self.fixed, self.trail, self.selected, self.follow:
+            for choice in self._frame_choices:
                 choice.set_options(names)
-            self.pair.set_frames(names)
-            self.hand_frame.set_frames(names)
         self.fixed.propose(placement.fixed)
         self.follow.propose(self._feed.follow)
         # While the first dynamic frames appear, the proposal follows the deepest one; then it
@@ -175,12 +176,7 @@ class Panel:
             self._proposal = placement.deepest
         for choice in self.trail, self.selected:
             choice.propose(self._proposal)
-        self.display.show_names(len(placement.names) <= MOST_NAMES)
-
-    @property
-    def follows_yaw(self) -> bool:
-        """Whether the scene turns with the frame that it follows."""
-        return bool(self._follows_yaw.value)
+        self.display.names.propose(len(placement.names) <= MOST_NAMES)
 
     @property
     def body(self) -> BodyDisplay:
@@ -188,26 +184,17 @@ class Panel:
         return self._robot.display if self._robot else BodyDisplay()
 
     def _add_robot_tab(self) -> None:
-        tab = self._tabs.add_tab('Robot')
-        with tab:
-            self._robot = RobotPanel(self._gui, self._settings)
-        if self._feed.joint_controls:
-            self._joints = Joints(self._gui, tab, self._feed.joint_controls)
-
-    def act(self) -> None:
-        """Move the joints as the viewer wants."""
-        if self._joints:
-            self._joints.act()
+        self._robot = RobotTab(self._gui, self._tabs.add_tab('Robot'), self._settings,
+                               self._feed.joint_controls)
 
     def update_robots(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
         """Show lines about the descriptions of robots, and the sliders of their joints."""
         if lines[0] and self._robot is None:
             self._add_robot_tab()
         if self._robot:
-            self._robot.show(lines)
-        if self._joints:
-            self._joints.update(now)
+            self._robot.update(lines, now)
 
     def show_texts(self, overview: str, details: str) -> None:
         """Show two texts in HTML."""
-        self._overview.content, self._details.content = overview, details
+        change(self._overview, content=overview)
+        change(self._details, content=details)

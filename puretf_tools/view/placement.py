@@ -23,7 +23,6 @@ REACH = 1e6
 #: The largest distance of frames from an origin that is not the fixed frame (m), and the side of
 #: the cubes that are searched for most frames: in float32, 10 km have 1 mm.
 _FARTHEST, _TILE = 1e9, 1e4
-_MOST_ORIGINS = 100
 #: If no viewer has chosen a fixed frame, it is the first of these that exists.
 PREFERRED = 'map', 'odom', 'world', 'base_link'
 #: The largest number of frames that are shown.
@@ -101,7 +100,10 @@ class FrameWatcher:
             # Frames in and below loops have no root.
             root_of = descend(kept, {root: root for root in forest.roots}, lambda _, root: root)
             if fixed not in root_of:
-                fixed = _default_fixed(root_of)
+                # Between trees of the same size, the name decides, and not what came first.
+                sizes = Counter(root_of.values())
+                fixed = min(root_of, default='', key=lambda name: (
+                    _preference(name), -sizes[name], name))
             shown = _first(kept, root_of, fixed)
             root = root_of.get(fixed, '')
             anchors = [fixed] * bool(fixed) + [
@@ -147,10 +149,8 @@ class FrameWatcher:
             return np.zeros(3)
         middle = near[(np.round(near / _TILE) == tile).all(axis=1)].mean(axis=0)
         before = self._origins.get(fixed, middle)
-        if len(self._origins) > _MOST_ORIGINS or np.abs(middle - before).max() > _TILE:
-            self._origins.clear()
-            before = middle
-        return self._origins.setdefault(fixed, before)
+        self._origins[fixed] = before if np.abs(middle - before).max() <= _TILE else middle
+        return self._origins[fixed]
 
     def watch(self) -> None:
         """Remember when the frames were updated, as `placement` does for the latest time."""
@@ -164,16 +164,6 @@ def _preference(name: str) -> int:
 def _count(frames: dict[str, Frame]) -> int:
     """Return the number of frames, and of their parents that have no parent."""
     return len({*frames, *(frame.parent for frame in frames.values())})
-
-
-def _default_fixed(root_of: dict[str, str]) -> str:
-    """Return the first of `PREFERRED` that is in a tree, or the root of the largest tree."""
-    for name in PREFERRED:
-        if name in root_of:
-            return name
-    # Between trees of the same size, the name decides, and not what came first.
-    sizes = Counter(root_of.values())
-    return min(sizes, key=lambda root: (-sizes[root], root), default='')
 
 
 def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> Iterable[str]:

@@ -9,12 +9,11 @@ from typing import Any
 
 import viser
 
-from puretf import SECOND
+from puretf import abbreviated, SECOND
 from puretf_tools.cli.times import when
 from puretf_tools.inspection.bag_times import both, why_outside
 from puretf_tools.view.camera import page_size
-from puretf_tools.view.controls import change, within
-from puretf_tools.view.details import html
+from puretf_tools.view.controls import change, html
 from puretf_tools.view.feed import BagFeed
 
 #: The step of the time slider (s).
@@ -23,12 +22,8 @@ _TIME_STEP = 0.01
 _SPEEDS = '0.1', '0.2', '0.5', '1', '2', '5', '10'
 _PAUSE, _PLAY, _BACK, _NEXT, _LOOP, _ONCE = (
     'pause', 'play', 'step back', 'step', 'loop: on', 'loop: off')
-#: Of more requests between two updates, only the last ones are carried out.
-_MOST_REQUESTS = 100
-#: The largest number of characters of a time that a viewer types.
-_LONGEST_GOAL = 100
-#: The bar is this much narrower than the scene, from these widths (pixels).
-_MARGIN, _WIDTHS = 30.0, (320.0, 4000.0)
+#: The bar is this much narrower than the scene, and at least this wide (pixels).
+_MARGIN, _NARROWEST = 30.0, 320.0
 
 
 class Playback:
@@ -42,7 +37,7 @@ class Playback:
     def __init__(self, gui: viser.GuiApi, feed: BagFeed) -> None:
         """Create the controls; the bar appears when the bag has a length."""
         self._gui, self._feed, self._player = gui, feed, feed.player
-        self._requests: deque[Callable[[], object]] = deque(maxlen=_MOST_REQUESTS)
+        self._requests: deque[Callable[[], object]] = deque()
         self._length, self._width = 0.0, 0.0  # of the slider (s), of the bar (pixels)
         self._plays = True
         self._marked: object = ()
@@ -76,16 +71,15 @@ class Playback:
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            self._requests.append(partial(
-                self._seek, within(event.target.value, 0.0, self._player.length)))
+            self._requests.append(partial(self._player.seek, self._player.begin + round(
+                event.target.value * SECOND)))
 
     async def _on_goal(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            self._requests.append(partial(self._go_to, event.target.value[:_LONGEST_GOAL]))
+            self._requests.append(partial(self._go_to, abbreviated(event.target.value)))
 
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.target.value in _SPEEDS:
-            self._player.speed = float(event.target.value)
+        self._player.speed = float(_SPEEDS[_SPEEDS.index(event.target.value)])
 
     async def _on_play(self, event: 'viser.GuiEvent[Any]') -> None:
         self._act(event.target.value)
@@ -132,11 +126,8 @@ class Playback:
         width = min((page_size(client.camera)[0] for client in clients), default=0.0)
         if width and width != self._width:
             self._width = width
-            self._bar.float(x=_MARGIN / 2, y=-_MARGIN / 2, width=within(
-                width - _MARGIN, *_WIDTHS))
-
-    def _seek(self, position: float) -> None:
-        self._player.seek(self._player.begin + round(position * SECOND))
+            self._bar.float(x=_MARGIN / 2, y=-_MARGIN / 2,
+                            width=max(_NARROWEST, width - _MARGIN))
 
     def _step(self, is_back: bool) -> None:
         """Go to the next or the last stamp of any transform."""

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
 from functools import partial
 from typing import Optional, Union
 
@@ -13,12 +12,11 @@ import viser
 from puretf import comma_list, shortened
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.robot.descriptions import DescriptionOrWhy
-from puretf_tools.view.axes import Axes, axes, Display, Lines, lines, rounded
+from puretf_tools.view.axes_and_trail import Axes, axes, Display, lines, Pieces, rounded
 from puretf_tools.view.body import Body, BodyDisplay
 from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
-from puretf_tools.view.trail import Pieces
 from puretf_tools.view.viser_private import Move, Quaternion, set_pose, Vector, WORLD
 
 #: If there are more frames, their names are not shown until a viewer wants them.
@@ -31,10 +29,11 @@ _SHARED_NAMES = 2
 _AXIS_RADIUS = 0.05  # of an axis, as a fraction of its length
 _LINE_WIDTH = 2.0  # pixels, of a line to the parent
 _CELLS, _CELL = 20, 0.5  # the number of cells along each side of the grid, and their side (m)
-_LIGHT_GRID, _DARK_GRID = (215, 215, 215), (70, 70, 70)
+_LIGHT_GRID, _DARK_GRID = np.array([[215] * 3, [70] * 3], np.uint8)
+_GRID_WIDTH = 1.0  # pixels
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
-_PAIR_COLOUR, _PAIR_WIDTH = (0, 150, 160), 4.0
+_PAIR_COLOUR, _PAIR_WIDTH = np.array([0, 150, 160], np.uint8), 4.0
 #: A click selects a frame if it is this near to an axis (pixels).
 _TARGET = 10.0
 #: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
@@ -59,10 +58,10 @@ class Scene:
         #: the scene: the position (m) and the yaw (rad).
         self._followed = '', False
         self._held = np.zeros(3), 0.0
-        self._grid: Optional[viser.LineSegmentsHandle] = None
-        self._shown_grid = False, False  # whether it is shown, and whether it is dark
         self._axes: Optional[viser.BatchedAxesHandle] = None
-        self._lines: Optional[viser.LineSegmentsHandle] = None
+        #: By name: the grid, the lines to the parents, and the line between a pair.
+        self._segments: dict[str, viser.LineSegmentsHandle] = {}
+        self._grid = _grid()
         #: By the number of its piece: the newest number when it was coloured, its lines.
         self._trail: dict[int, tuple[int, NDArray[np.float64], viser.LineSegmentsHandle]] = {}
         #: By the name of their frame: the labels, of which some are not visible. None is used for
@@ -70,7 +69,6 @@ class Scene:
         self._labels: dict[str, viser.LabelHandle] = {}
         self._label_count = 0
         self._moves: list[Move] = []
-        self._pair: Optional[viser.LineSegmentsHandle] = None
         #: The last placement, how it was drawn, and the labels, for clicks.
         self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
         #: The frame that was clicked last, until somebody takes it; and with the key Shift.
@@ -96,11 +94,16 @@ class Scene:
         """
         with self._owner.atomic():
             self._move_world(placement, follow, with_yaw)
-            self._show_grid(display.with_grid, display.is_dark)
+            self._show_segments('grid', self._grid, _DARK_GRID if display.is_dark else
+                                _LIGHT_GRID, _GRID_WIDTH, display.with_grid)
             self._show_axes(axes(placement, display, selected), display.size, display.with_axes)
-            self._show_lines(lines(placement, display), display.with_lines)
+            self._show_segments(
+                'lines', *lines(placement, display), _LINE_WIDTH, display.with_lines)
             self._show_names(placement, display, selected)
-            self._show_pair(placement, pair)
+            ends = [placement.names.index(name) for name in pair if name in placement.names]
+            self._show_segments(
+                'pair', rounded(placement.points[[ends]]), _PAIR_COLOUR, _PAIR_WIDTH,
+                len(ends) == 2)
             self._show_trail(trail)
             self.body.show(descriptions, placement, display, body)
 
@@ -158,16 +161,6 @@ class Scene:
             self._put(self._world, (x, y, z), (
                 float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))
 
-    def _show_grid(self, is_visible: bool, is_dark: bool) -> None:
-        if (is_visible, is_dark) == self._shown_grid:
-            return
-        self._shown_grid = is_visible, is_dark
-        if self._grid is not None:
-            self._grid.remove()
-        self._grid = self._scene.add_line_segments(
-            f'{WORLD}/grid', _grid(), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
-            thickness_units='screen') if is_visible else None
-
     def _show_axes(self, new: Axes, size: float, are_visible: bool) -> None:
         if not len(new.positions):
             if self._axes is not None:
@@ -183,35 +176,24 @@ class Scene:
             self._axes.axes_length, self._axes.axes_radius = size, size * _AXIS_RADIUS
         self._axes.visible = are_visible
 
-    def _show_lines(self, new: Lines, are_visible: bool) -> None:
-        if not len(new.points):
-            if self._lines is not None:
-                self._lines.visible = False
-            return
-        if self._lines is None:
-            self._lines = self._scene.add_line_segments(
-                f'{WORLD}/lines', new.points, new.colors, thickness=_LINE_WIDTH,
-                thickness_units='screen')
-        self._lines.points, self._lines.colors = new.points.astype(np.float32), new.colors
-        self._lines.visible = are_visible
-
-    def _show_pair(self, placement: Placement, pair: Collection[str]) -> None:
-        if is_visible := len(pair) == 2 and {*pair} <= {*placement.names}:
-            ends = rounded(placement.points[[placement.names.index(name) for name in pair]])
-            if self._pair is None:
-                self._pair = self._scene.add_line_segments(
-                    f'{WORLD}/pair', ends[None], _PAIR_COLOUR, thickness=_PAIR_WIDTH,
-                    thickness_units='screen')
-            if (self._pair.points != ends).any():
-                self._pair.points = ends[None].astype(np.float32)
-        if self._pair is not None:
-            self._pair.visible = is_visible
+    def _show_segments(self, name: str, points: NDArray[np.float64], colours: NDArray[np.uint8],
+                       width: float, are_visible: bool) -> None:
+        """Show or hide line segments: (n, 2, 3), both ends, and their colours, or one."""
+        segments = self._segments.get(name)
+        if not are_visible or not len(points):
+            if segments:
+                segments.visible = False
+        elif segments:
+            segments.points, segments.colors = points.astype(np.float32), colours
+            segments.visible = True
+        else:
+            self._segments[name] = self._scene.add_line_segments(
+                f'{WORLD}/{name}', points, colours, thickness=width, thickness_units='screen')
 
     async def _on_click(self, clicks: 'deque[str]', event: viser.SceneClickEvent) -> None:
         camera, (x, y) = event.client.camera, event.screen_pos
-        with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
-            if name := self._at(x * camera.image_width, y * camera.image_height, camera):
-                clicks.append(name)
+        if name := self._at(x * camera.image_width, y * camera.image_height, camera):
+            clicks.append(name)
 
     def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:
         """Return the frame whose name or axes are drawn at a pixel; '' if there is none."""
@@ -299,7 +281,7 @@ def _grid() -> NDArray[np.float64]:
 def _texts(placement: Placement, display: Display) -> list[str]:
     """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
     shown = display.shown(placement)
-    texts = [_cut(shortened(name)) if name in shown else '' for name in placement.names]
+    texts = [shortened(name, _LONGEST_NAME) if name in shown else '' for name in placement.names]
     label_of = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
         if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]
@@ -325,11 +307,7 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
     """Leave out labels that would cover earlier ones, as seen by a camera in the scene."""
     if not labels:
         return labels
-    try:
-        pixels = _pixels(in_scene(
-            np.array([position for _, position in labels.values()])), camera)
-    except Exception:  # the camera is not known yet, or the client has sent nonsense
-        return labels
+    pixels = _pixels(in_scene(np.array([position for _, position in labels.values()])), camera)
     with np.errstate(all='ignore'):
         columns, rows = np.floor(pixels[:, 0] / _LETTER), np.floor(pixels[:, 1] / _HALF_LINE)
     taken: set[tuple[float, float]] = set()
@@ -353,7 +331,3 @@ def _pixels(points: NDArray[np.float64], camera: viser.CameraHandle) -> NDArray[
     with np.errstate(all='ignore'):
         return np.column_stack([camera.image_width / 2 + focal * x / z,
                                 camera.image_height / 2 + focal * y / z, z])
-
-
-def _cut(name: str) -> str:
-    return name if len(name) <= _LONGEST_NAME else f'{name[:_LONGEST_NAME]}…'

@@ -3,15 +3,14 @@
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import viser
 
 from puretf import shortened
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
-from puretf_tools.view.controls import change, Settings
-from puretf_tools.view.details import html
+from puretf_tools.view.controls import change, html, Row, Rows, Settings
 from puretf_tools.view.placement import Placement
 
 #: The largest number of rows, and the time between two updates (s).
@@ -40,26 +39,14 @@ div:has(> .tf-rows) ~ div > button span { justify-content: flex-start; white-spa
 </style>"""
 
 
-class _Row(NamedTuple):
-    """A row of the tree."""
-
-    name: str
-    text: str
-    colour: tuple[int, int, int]
-
-
 class Tree:
     """A row for each frame; a click selects it, and a click on the selected row folds it."""
 
     def __init__(self, gui: viser.GuiApi, container: Any, settings: Settings,
                  on_focus: Callable[[], Awaitable[object]]) -> None:
         """Add the controls to a tab; `on_focus` moves the camera to the selected frame."""
-        self._gui, self._container, self._on_focus = gui, container, on_focus
-        self._buttons: list[Any] = []
-        self._rows: list[_Row] = []
+        self._on_focus = on_focus
         self._next = 0.0  # the time of the next update (s, monotonic clock)
-        #: The frame that was clicked last, until somebody takes it.
-        self.clicks: deque[str] = deque(maxlen=1)
         self._selected = ''
         #: The frames that the viewer has hidden, and those hidden with all that is below them, and
         #: those whose children have no rows.
@@ -72,6 +59,8 @@ class Tree:
             self._bar = gui.add_button_group('', (_HIDE, _HIDE_BRANCH, _FOCUS))
             self._bar.on_click(self._on_bar)
             self._status = gui.add_html('')
+        self._rows = Rows(gui, container)
+        self.clicks: deque[str] = self._rows.clicks
 
     async def _on_search(self, event: 'viser.GuiEvent[Any]') -> None:
         self._next = 0.0
@@ -87,15 +76,6 @@ class Tree:
             hidden.add(name)
         self._next = 0.0
 
-    async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
-        number, rows = self._buttons.index(event.target), self._rows
-        if number < len(rows):
-            name = rows[number].name
-            if name == self._selected:
-                self._folded ^= {name}
-                self._next = 0.0
-            self.clicks.append(name)
-
     def hidden(self, placement: Placement, passes: Callable[[str], bool]) -> frozenset[str]:
         """Return the frames that are not to be drawn; `passes`: whether a name passes filters."""
         hidden = {name for name in placement.names if name in self._hidden or not passes(name)}
@@ -105,6 +85,11 @@ class Tree:
                 placement.frames, below, lambda name, is_below: (
                     is_below or name in self._hidden_branches)).items() if is_below)
         return frozenset(hidden)
+
+    def fold(self, name: str) -> None:
+        """Fold the row of a frame, or unfold it."""
+        self._folded ^= {name}
+        self._next = 0.0
 
     def unfold(self, placement: Placement, name: str) -> None:
         """Let a frame have a row."""
@@ -127,22 +112,14 @@ class Tree:
             _SHOW if selected in self._hidden else _HIDE,
             _SHOW_BRANCH if selected in self._hidden_branches else _HIDE_BRANCH, _FOCUS))
         rows = [*self._tree(placement, selected, hidden, marks)]
-        self._rows, rest = rows[:_ROWS], len(rows) - _ROWS
         status = f'{len(rows)} of {len(placement.names)} frames' + (
-            f'; {rest} more have no row: search, or fold some' * (rest > 0))
+            f'; {len(rows) - _ROWS} more have no row: search, or fold some'
+            * (len(rows) > _ROWS))
         change(self._status, content=f'<div class="tf-rows">{html(status, "tree")}</div>')
-        with self._container:
-            while len(self._buttons) < len(self._rows):
-                button = self._gui.add_button('')
-                button.on_click(self._on_click)
-                self._buttons.append(button)
-        for button, row in zip(self._buttons, self._rows):
-            change(button, label=row.text, color=row.colour, visible=True)
-        for button in self._buttons[len(self._rows):]:
-            change(button, visible=False)
+        self._rows.show(rows[:_ROWS])
 
     def _tree(self, placement: Placement, selected: str, hidden: frozenset[str],
-              marks: Mapping[str, str]) -> Iterator[_Row]:
+              marks: Mapping[str, str]) -> Iterator[Row]:
         lines = [*Forest(placement.frames.values()).lines()]
         parents = {frame.parent for frame in placement.frames.values()}
         wanted = str(self._search.value).lower()
@@ -166,6 +143,6 @@ class Tree:
                           colour for colour, age in _COLOURS if silence <= age))
             fold = ' ' if line.name not in parents else '▸' if is_folded else '▾'
             mark = f'  ⚠ {marks[line.name]}' if line.name in marks else ''
-            yield _Row(line.name, f'{"  " * min(line.level, _DEEPEST)}{fold} '
-                       f'{shortened(line.name, _NAME)}  {rate}{mark}'
-                       f'{_SELECTED * (line.name == selected)}', colour)
+            yield Row(line.name, f'{"  " * min(line.level, _DEEPEST)}{fold} '
+                      f'{shortened(line.name, _NAME)}  {rate}{mark}'
+                      f'{_SELECTED * (line.name == selected)}', colour)

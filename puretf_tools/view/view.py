@@ -1,6 +1,7 @@
 """The page: the scene and the panels, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from time import monotonic
 from typing import Any, Optional
 from zlib import crc32
@@ -12,11 +13,10 @@ import viser
 from puretf import SECOND, TransformBuffer
 from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.robot.descriptions import DescriptionOrWhy
-from puretf_tools.view.axes import Display
-from puretf_tools.view.camera import FirstCamera, look_at
+from puretf_tools.view.axes_and_trail import Display, Trail
+from puretf_tools.view.camera import FirstCamera, look_at, VIEWS
 from puretf_tools.view.controls import Settings
 from puretf_tools.view.details import details, overview
-from puretf_tools.view.display import VIEWS
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
 from puretf_tools.view.findings import marks
 from puretf_tools.view.meshes import Meshes
@@ -25,14 +25,12 @@ from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
-from puretf_tools.view.trail import Trail
 from puretf_tools.view.viser_private import receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
-#: The time between two updates of the hint at other topics, and between two looks at whether the
-#: browser is to store something (s).
-_HINT_PERIOD = _STORE_PERIOD = 1.0
+#: The time between two looks at whether the browser is to store something (s).
+_STORE_PERIOD = 1.0
 #: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
 #: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
@@ -74,8 +72,7 @@ class View:
         self.viewers: dict[int, Viewer] = {}
         #: Where the frames of a bag are at some moments: (n, 3) (m); None: not known yet.
         self._path: Optional[NDArray[np.float64]] = None
-        #: The hint at other topics, and the time of its next update (s, monotonic clock).
-        self._hint, self._next_hint, self._next_watch = '', 0.0, 0.0
+        self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
 
     def update(self) -> None:
@@ -86,33 +83,24 @@ class View:
         if clients and now >= self._next_watch:
             self._feed.watch(now)
             self._next_watch = now + _TEXT_PERIOD
-        if now >= self._next_hint:
-            self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
         descriptions = self._feed.descriptions()
         if self._feed.joint_controls:
             self._feed.joint_controls.update(descriptions)
         for gone in self.viewers.keys() - clients.keys():
             self.viewers.pop(gone).close()
-        placements: dict[tuple[str, int], Placement] = {}
-
-        def place(*request: Any) -> Placement:
-            if request not in placements:
-                placements[request] = self._watcher.placement(*request)
-            return placements[request]
-
+        place = cache(self._watcher.placement)
         for number, client in clients.items():
             if number not in self.viewers:
                 self._meshes.forget_failures()
                 self.viewers[number] = Viewer(
-                    client, self._feed, self._server.initial_camera, self._meshes, self._first)
+                    client, self._feed, self._server.initial_camera, self._meshes, self._first,
+                    is_alone=len(clients) == 1)
                 if self._path is not None:
                     self.viewers[number].first_camera.extend(self._path)
             viewer = self.viewers[number]
             if viewer.is_due:
-                viewer.update(place, until, now, self._hint, descriptions, len(clients) == 1)
-            else:
-                viewer.act()
-        if not until and not placements:
+                viewer.update(place, until, now, descriptions)
+        if not until and not place.cache_info().currsize:
             self._watcher.watch()
         self._follow_the_bag()
 
@@ -135,19 +123,18 @@ class Viewer:
     """What one viewer sees: a scene and a panel."""
 
     def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any,
-                 meshes: Meshes, first: str = '') -> None:
+                 meshes: Meshes, first: str, is_alone: bool) -> None:
         #: The camera of the viewer, and the one to which viewers can reset theirs.
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
         # For another `--view`, the browser has stored nothing yet.
         self._pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
-        self._client, self._first, self._is_restored = client, first, False
-        #: What the browser has stored, and when that is compared next (s, monotonic clock).
-        self._stored, self._next_store = '', 0.0
+        self._client, self._is_alone, self._is_restored = client, is_alone, False
+        self._next_store = 0.0  # (s, monotonic clock)
         self._until = self._goal = 0  # of a bag: what is shown, and what is wanted (ns)
         self._scene = Scene(client, meshes)
-        self._settings = Settings()
-        self._panel = Panel(client, feed, self._settings, self._look_from, self._reset_view)
+        self._settings = Settings(first)
+        self._panel = Panel(client, feed, self._settings, self._look_from)
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         self._placement: Optional[Placement] = None
         self._shown: tuple[str, int] = '', 0  # the request for a paused placement
@@ -158,10 +145,6 @@ class Viewer:
         self._names: dict[str, None] = {}
         self._use(feed.buffer)
         self._next_texts = 0.0  # the earliest time of their next update (s, monotonic clock)
-        #: The placement for which the shown texts were made, the names of the chosen fixed frame
-        #: and of the selected frame, the hint at other topics, and the timeout (s).
-        self._texts_key: tuple[Optional[Placement], tuple[str, str, str, float]] = (
-            None, ('', '', '', 0.0))
         self.first_camera = FirstCamera(self._cameras)
         self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore,
                            list)
@@ -171,15 +154,14 @@ class Viewer:
     def _go_to(self, time: int) -> None:
         self._goal = time
 
-    def _reset_view(self) -> None:
-        self._settings.reset()
-        self._settings.restore(self._first or '{}')
-
-    def _restore(self, is_alone: bool) -> None:
+    def _restore(self) -> None:
         """Show what the browser has stored, or else what is shown at first."""
         self._is_restored = True
-        self._settings.restore(self._pace.stored or self._first or '{}')
-        if not is_alone:
+        if self._pace.stored:
+            self._settings.restore(self._pace.stored)
+        else:
+            self._settings.reset()
+        if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
         if self._pace.is_blocked:
             self._client.add_notification('The view is not kept', 'This browser lets the page '
@@ -188,18 +170,12 @@ class Viewer:
     def _store(self, now: float) -> None:
         if now >= self._next_store and not self._pace.is_blocked:
             self._next_store = now + _STORE_PERIOD
-            if (text := self._settings.as_json()) != self._stored:
-                self._stored = text
-                self._pace.store(text)
+            self._pace.store(self._settings.as_json())
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
         self._pace.close()
         self._panel.hand_frame.stop()
-
-    def act(self) -> None:
-        """Move the joints as the viewer wants, who need not wait for what is drawn."""
-        self._panel.act()
 
     @property
     def is_due(self) -> bool:
@@ -231,19 +207,18 @@ class Viewer:
         self._panel.pair.buffer = self._buffer = buffer
         self._trail = Trail(buffer)
 
-    def update(self, place: Callable[[str, int], Placement], until: int, now: float, hint: str,
-               descriptions: Mapping[str, DescriptionOrWhy], is_alone: bool = True) -> None:
+    def update(self, place: Callable[[str, int], Placement], until: int, now: float,
+               descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
         Show the frames; the viewer must be due.
 
         :param place: returns the frames for a chosen fixed frame and a time (ns).
         :param until: the time of a bag (ns); 0: the frames are live.
         :param now: on the monotonic clock (s).
-        :param is_alone: whether there is no other viewer, who has chosen the time of a bag.
         """
         panel = self._panel
         if not self._is_restored:
-            self._restore(is_alone)
+            self._restore()
         self._until, player = until, self._feed.player
         if self._goal and player and player.is_whole:
             player.seek(self._goal)
@@ -256,19 +231,23 @@ class Viewer:
             [*(self._names if self._feed.player else ()), *placement.names])
         panel.set_frames(placement, [*self._names], now)
         self._take_clicks(placement)
-        selected = panel.selected.name
+        selected = panel.selected.value
         hidden = panel.tree.hidden(placement, panel.display.passes)
         display = panel.display.display(hidden)
         panel.tree.update(placement, selected, hidden, marks(self._feed.findings), now)
         panel.findings.update()
         self._scene.show(placement, display, {selected, *self._marked},
-                         self._trail.pieces(placement, panel.trail.name, display), descriptions,
-                         panel.body, panel.follow.name, panel.follows_yaw, panel.pair.frames)
+                         self._trail.pieces(placement, panel.trail.value, display), descriptions,
+                         panel.body, panel.follow.value, panel.follows_yaw.value,
+                         panel.pair.frames)
         panel.update_robots(self._scene.body.lines, now)
-        panel.pair.selected = selected
         panel.pair.update(self._shown[1] if self._copy else until, now)
         panel.hand_frame.update(placement)
-        self._update_texts(placement, now, hint, display.timeout)
+        if now >= self._next_texts:
+            self._next_texts = now + _TEXT_PERIOD
+            panel.show_texts(
+                overview(placement, self._feed, panel.fixed.chosen, display.timeout),
+                details(placement, selected, self._feed, self._buffer))
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self._pace.when_handled(self._scene.move)
@@ -287,37 +266,29 @@ class Viewer:
         if panel.findings.clicks:
             finding = panel.findings.clicks.pop()
             self._marked = finding.frames
-            panel.selected.choose(next(iter(finding.frames), panel.selected.name))
-            panel.tree.unfold(placement, panel.selected.name)
+            panel.selected.choose(next(iter(finding.frames), panel.selected.value))
+            panel.tree.unfold(placement, panel.selected.value)
             if isinstance(self._feed, BagFeed) and finding.time:
                 self._feed.goals.append(finding.time)
         if scene.shift_clicks:
-            panel.pair.choose(panel.selected.name, scene.shift_clicks.pop())
-        for clicks in panel.tree.clicks, scene.clicks:
-            if clicks:
-                panel.selected.choose(clicks.pop())
-                self._marked = ()
-                if clicks is scene.clicks:
-                    panel.tree.unfold(placement, panel.selected.name)
-
-    def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
-        """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
-        key = placement, (
-            self._panel.fixed.chosen, self._panel.selected.name, hint, timeout)
-        if (placement is not self._texts_key[0] or key[1] != self._texts_key[1]) and (
-                now >= self._next_texts):
-            self._next_texts, self._texts_key = now + _TEXT_PERIOD, key
-            self._panel.show_texts(overview(
-                placement, self._feed, hint, self._panel.fixed.chosen, timeout),
-                                   details(placement, self._panel.selected.name, self._feed,
-                                           self._buffer))
+            panel.pair.choose(panel.selected.value, scene.shift_clicks.pop())
+        if panel.tree.clicks:
+            if (name := panel.tree.clicks.pop()) == panel.selected.value:
+                panel.tree.fold(name)
+            panel.selected.choose(name)
+            self._marked = ()
+        if scene.clicks:
+            panel.selected.choose(scene.clicks.pop())
+            panel.tree.unfold(placement, panel.selected.value)
+            self._marked = ()
 
     async def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
         if (placement := self._placement) is None:
             return
-        hidden = (frozenset(placement.names) - {self._panel.selected.name} if view == 'frame' else
+        hidden = (frozenset(placement.names) - {self._panel.selected.value} if view == 'frame' else
                   self._panel.tree.hidden(placement, self._panel.display.passes))
         shown = self._panel.display.display(hidden).shown(placement)
-        look_at(self._scene.seen(placement, shown), self._cameras, VIEWS.get(view, VIEWS['all']))
+        look_at(self._scene.seen(placement, shown), self._cameras,
+                VIEWS['all' if view == 'frame' else view])
         self.first_camera.is_over = True

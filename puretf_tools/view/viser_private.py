@@ -158,8 +158,13 @@ def _check(message: Any) -> None:
     if type(message).__name__ not in _MESSAGES:
         raise ValueError(type(message))
     # viser would set any attribute of a control.
-    if hasattr(message, 'updates') and message.updates.keys() != {'value'}:
-        raise ValueError(message.updates)
+    if hasattr(message, 'updates'):
+        if message.updates.keys() != {'value'}:
+            raise ValueError(message.updates)
+        value = message.updates['value']
+        numbers = value if isinstance(value, (list, tuple)) else [value]
+        if not all(isfinite(each) for each in numbers if isinstance(each, float)):
+            raise ValueError(message.updates)
     if type(message).__name__.startswith('TransformControls') and message.name != HANDLES:
         raise ValueError(message.name)
     if hasattr(message, 'wxyz'):
@@ -169,6 +174,11 @@ def _check(message: Any) -> None:
         if not isclose(hypot(w, x, y, z), 1.0, abs_tol=_TOLERANCE) or not isfinite(
                 hypot(a, b, c)):
             raise ValueError(message)
+    if hasattr(message, 'look_at') and not (
+            hypot(*message.up_direction) > 0.0 and all(map(isfinite, (
+                *message.look_at, *message.up_direction, message.fov, message.image_width,
+                message.image_height)))):
+        raise ValueError(message)
 
 
 def _silence() -> None:

@@ -324,7 +324,7 @@ def _check_page(buffer: TransformBuffer, frames: Any, authority: str, selected: 
     """Check the texts of the panel of the page, and the labels."""
     feed = BagFeed(buffer, authority or 'bag')
     placement = FrameWatcher(buffer).placement('')
-    for text in (overview(placement, feed, selected, selected),
+    for text in (overview(placement, feed, selected),
                  *(details(placement, name, feed) for name in [*placement.names[:3], selected])):
         check_lines(text, 60_000)
         page = _Page()

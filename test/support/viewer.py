@@ -40,6 +40,7 @@ class Viewer:
         self._connection = connect(
             f'ws://{host}:{port}', subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None, compression=None, close_timeout=1.0)
+        self.port = port
         self.size = 0  #: the number of bytes that were received
         self.camera = {**CAMERA, **camera}
         self.send(self.camera)
@@ -170,7 +171,7 @@ class Viewer:
 
     def axes(self, key: str) -> Any:
         """
-        Return a property of the axes of the frames, see `puretf_tools.view.axes.Axes`.
+        Return a property of the axes of the frames, see `puretf_tools.view.axes_and_trail.Axes`.
 
         :param key: 'positions', 'wxyzs' or 'scales'.
         """

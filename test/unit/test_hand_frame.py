@@ -62,7 +62,7 @@ class Page:
     def update(self):
         """Update as the page does."""
         placement = self._watcher.placement(self.fixed)
-        self.hand.set_frames(placement.names)
+        self.hand.parent.set_options(placement.names)
         self.hand.update(placement)
 
     def until(self, condition):
@@ -118,18 +118,18 @@ def test_integers_of_a_browser(page):
 
 
 def test_wrong_numbers_of_a_viewer(page):
-    """They are clamped; what is not three finite numbers has no effect."""
+    """They are rounded; what is not three finite numbers ends the connection."""
     viewer, nan = page.viewer, float('nan')
-    for value, shown in (([1, 2, 3], [1, 2, 3]), ([nan, 0, 0], [1, 2, 3]), ([4], [1, 2, 3]),
-                         ([], [1, 2, 3]), ([1e9, -1e300, 0.00049], [1e6, -1e6, 0])):
-        viewer.set('x, y, z (m)', value)
-        page.until(lambda shown=shown: viewer.value('x, y, z (m)') == shown)
+    viewer.set('x, y, z (m)', [1, 2, 0.00049])
+    page.until(lambda: viewer.value('x, y, z (m)') == [1, 2, 0])
     viewer.set('RPY (°)', [720, 0, 0])
-    page.until(lambda: viewer.value('RPY (°)') == [360, 0, 0])
-    with closing(Viewer(page.server.get_port())) as other:
-        other.send({**DRAG, 'position': [5, 6, -1e9]})
-        page.until(lambda: viewer.value('x, y, z (m)') == [5, 6, -1e6])
-        page.until(lambda: viewer.nodes[HANDLES]['position'] == [5, 6, -1e6])
+    page.until(lambda: '--x 1.0 --y 2.0 --frame-id' in page.text('command'))
+    for value in [nan, 0, 0], [4], [], [1, 2, 3, 4], ['x', 0, 0]:
+        with closing(Viewer(page.server.get_port())) as bad:
+            bad.until(lambda: 'Publish' in {each.get('label') for each in bad.gui.values()})
+            bad.set('x, y, z (m)', value)
+            with pytest.raises(ConnectionClosed):
+                bad.until(lambda: False)
 
 
 @pytest.mark.parametrize('message', [

@@ -14,7 +14,7 @@ pytest.importorskip('viser', reason='viser, which makes the page, is not install
 
 from viewer import Viewer
 
-from puretf_tools.view.controls import Settings
+from puretf_tools.view.controls import FrameChoice, Settings
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.server import serve
@@ -32,7 +32,7 @@ class Shown:
         self.now = 1000.0
         feed = Feed()
         feed.buffer = buffer
-        self.pair = Pair(server.gui, Settings(), feed)
+        self.pair = Pair(server.gui, Settings(), feed, FrameChoice(server.gui, 'Frame'))
         self.viewer = Viewer(server.get_port())
         self.viewer.until(lambda: len(self.plots()) == 2)
 
@@ -41,9 +41,14 @@ class Shown:
         self.now += seconds
         self.pair.update(end, self.now)
 
+    def offer(self, *names):
+        """Set the frames that can be chosen."""
+        for choice in self.pair.choices:
+            choice.set_options(names)
+
     def choose(self, a, b, end=0):
         """Choose two frames, and update until something is shown."""
-        self.pair.set_frames(['map', 'base', a, b])
+        self.offer('map', 'base', a, b)
         self.viewer.until(lambda: a in self.viewer.gui[self.viewer.uuid('A')]['options'])
         for label, name in ('A', a), ('B', b):
             self.viewer.set(label, name)
@@ -52,7 +57,7 @@ class Shown:
     def receive_all(self):
         """Wait until the viewer has got all that has been sent."""
         last = f'frame_{self.now}'
-        self.pair.set_frames(['map', 'base', last])
+        self.offer('map', 'base', last)
         self.viewer.until(lambda: last in self.viewer.gui[self.viewer.uuid('A')]['options'])
 
     def text(self):
@@ -100,7 +105,7 @@ def test_nothing_is_shown_until_a_pair_is_chosen(shown, buffer):
     """One frame is not enough, and the plots vanish when one is taken back."""
     buffer.insert(T, 'map', 'base', (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0))
     viewer = shown.viewer
-    shown.pair.set_frames(['map', 'base'])
+    shown.offer('map', 'base')
     viewer.until(lambda: viewer.gui[viewer.uuid('A')]['options'] == ['(none)', 'base', 'map'])
     viewer.set('A', 'map')
     shown.update()

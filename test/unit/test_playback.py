@@ -1,6 +1,6 @@
 """The controls of a bag in the page of web_view, and the page that plays without a server."""
 
-from contextlib import ExitStack
+from contextlib import closing, ExitStack
 import os
 import signal
 from types import SimpleNamespace
@@ -18,6 +18,7 @@ from puretf_tools.view.feed import BagFeed
 
 pytest.importorskip('viser')
 from viewer import Page, recorded, Viewer
+from websockets.exceptions import ConnectionClosed
 
 from puretf_tools.view.details import details
 from puretf_tools.view.export import Recording
@@ -322,13 +323,18 @@ def test_a_bag_that_cannot_be_examined(lonely, monkeypatch):
 
 
 def test_nonsense_from_a_viewer(controls):
-    """Wrong numbers are clamped, and what is not offered changes nothing."""
+    """Wrong numbers are clamped; what is none, or is not offered, ends the connection."""
     shown = controls()
     shown.set('Play', 'pause')
-    for value, position in (99.0, 10.0), (-1.0, 0.0), (4.0, 4.0), (float('nan'), 0.0), (1e300, 10):
+    for value, position in (99.0, 10.0), (-1.0, 0.0), (4.0, 4.0), (1e290, 10):
         shown.set('Time (s)', value)
         assert shown.after(1.0) == position
-    shown.set('Speed', '1e9')
+    for label, wrong in ('Time (s)', float('nan')), ('Time (s)', 1e308), ('Speed', '1e9'):
+        with closing(Viewer(shown.viewer.port)) as bad:
+            bad.until(lambda: 'Go to' in {props.get('label') for props in bad.gui.values()})
+            bad.set(label, wrong)
+            with pytest.raises(ConnectionClosed):
+                bad.until(lambda: False)
     assert (shown.after(1.0), shown.player.speed) == (10.0, 1.0)
 
 

@@ -221,6 +221,10 @@ NONSENSE = {
     'fields missing': lambda uuid: {'type': 'ViewerCameraMessage'},
     'another attribute': lambda uuid: update(uuid, update_cb=[]),
     'no number': lambda uuid: update(uuid, value='metre'),
+    'not finite': lambda uuid: update(uuid, value=float('nan')),
+    'no direction is up': lambda _: {**CAMERA, 'up_direction': [0, 0, 0]},
+    'a camera that looks nowhere': lambda _: {**CAMERA, 'look_at': [float('nan')] * 3},
+    'a camera without an angle': lambda _: {**CAMERA, 'fov': 'x'},
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from puretf import TransformBuffer
 from puretf_tools.view import feed as feed_module
-from puretf_tools.view.axes import axes, Display, fading, lines, rounded
+from puretf_tools.view.axes_and_trail import axes, Display, fading, lines, rounded
 from puretf_tools.view.feed import BagFeed, Feed, Player, Publication
 from puretf_tools.view.placement import FrameWatcher
 
@@ -355,7 +355,7 @@ def test_fading_as_in_rviz():
 def test_a_trail():
     """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
     pytest.importorskip('viser')
-    from puretf_tools.view.trail import Trail
+    from puretf_tools.view.axes_and_trail import Trail
 
     def whole(pieces):
         assert [*pieces] == sorted(pieces)
@@ -417,7 +417,7 @@ def test_a_player(clock):
 class StubFeed(Feed):
     """A feed with the same facts about every frame."""
 
-    name = '/tf'
+    name, hint = '/tf', 'other <topics>'
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""
@@ -426,10 +426,6 @@ class StubFeed(Feed):
     def publication(self, frame):
         """Return the facts, whatever the frame is."""
         return self._publication
-
-    def topics_hint(self):
-        """Return a hint."""
-        return 'other <topics>'
 
     def why_no_frames(self):
         """Return a reason."""
@@ -446,7 +442,7 @@ def test_texts():
     arm(buffer, T, 'x\n', 'y', 'x\n')
     arm(buffer, T, 'w"orld', 'tree')
     placement = FrameWatcher(buffer).placement()
-    text = overview(placement, feed, 'other <topics>')
+    text = overview(placement, feed)
     assert '>5 frames<' in text
     assert 'not connected to map: w&quot;orld' in text
     assert 'in a loop: ' in text
@@ -710,8 +706,6 @@ def test_frames_are_hidden(tree):
     assert len(rows(viewer)) == 5
     shown.set('Exclude', '(')
     shown.until(lambda: 'Exclude: not a regular expression' in viewer.text('filter'))
-    shown.set('Exclude', 'a' * 201)
-    shown.until(lambda: 'Exclude: more than 200 characters' in viewer.text('filter'))
     shown.set('Exclude', '')
     shown.set('Include', '')
     shown.until(lambda: len(shown_frames(viewer, placement)) == 5)
@@ -747,7 +741,7 @@ def test_what_is_displayed(page, clock):
     shown.until(lambda: not viewer.names())
     shown.set('Show names', True)
     shown.set('Grid', False)
-    shown.until(lambda: '/world/grid' not in viewer.nodes)
+    shown.until(lambda: not viewer.nodes['/world/grid']['visible'])
     viewer.set('View', 'top')  # from far, with a narrow angle
     shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 30.0)
     assert viewer.last['SetCameraFovMessage']['fov'] == 0.1
@@ -1510,8 +1504,7 @@ def test_the_keys(page):
 
 
 @pytest.mark.parametrize('changes', [
-    {'up_direction': [0, 0, 0]}, {'position': ['x']}, {'look_at': [float('nan')] * 3},
-    {'position': [1e308] * 3, 'look_at': [-1e308] * 3, 'far': -1e308}])
+    {'up_direction': [0.55, -0.7, 0.45]}, {'position': [1e308] * 3, 'look_at': [-1e308] * 3}])
 def test_a_camera_that_cannot_be_turned(page, changes):
     """The page goes on, and the cameras of the others are turned."""
     from viewer import Viewer

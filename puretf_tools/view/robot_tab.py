@@ -1,7 +1,6 @@
-"""The sliders in the panel, with which viewers move the joints of a robot."""
+"""The tab of a robot: what of its body is drawn, and sliders for its joints."""
 
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Sequence
 from itertools import islice
 from math import degrees, floor, log10
 from typing import Any, Optional
@@ -12,14 +11,50 @@ from puretf import abbreviated, visible
 from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
 from puretf_tools.robot.joint_senders import JointControl, JointControls
-from puretf_tools.view.controls import change
-from puretf_tools.view.details import html
+from puretf_tools.view.body import BodyDisplay
+from puretf_tools.view.controls import change, escaped, html, LAST, Settings, STYLE
 
+_MOST_LINES, _LONGEST_LINE = 30, 500
 #: The largest number of sliders, and the time between two updates (s).
 _SLIDERS, _PERIOD = 200, 0.1
 _LONGEST_NAME = 40  # characters
 #: A slider has about this power of ten of steps.
 _STEPS = 4
+
+
+class RobotTab:
+    """The controls of a `BodyDisplay`, lines about descriptions and meshes, and the joints."""
+
+    def __init__(self, gui: viser.GuiApi, tab: Any, settings: Settings,
+                 joints: Optional[JointControls]) -> None:
+        """Add the controls to a tab."""
+        with tab:
+            self._controls = [*map(settings.control, (
+                gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False),
+                gui.add_slider('Opacity', 0.1, 1.0, 0.05, 1.0)))]
+            self._text = gui.add_html('', order=LAST)
+        self._joints = Joints(gui, tab, joints) if joints else None
+
+    @property
+    def display(self) -> BodyDisplay:
+        """What the viewer has chosen."""
+        return BodyDisplay(*(control.value for control in self._controls))
+
+    def update(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
+        """Show lines of text, and folded ones; and the joints."""
+        shown, folded = map(_joined, lines)
+        if folded:
+            shown += ('<details><summary>meshes that are not drawn</summary>'
+                      f'{folded}</details>')
+        change(self._text, content=f'<div style="{STYLE}" data-text="robot">{shown}</div>')
+        if self._joints:
+            self._joints.update(now)
+
+
+def _joined(lines: Sequence[str]) -> str:
+    rest = len(lines) - _MOST_LINES
+    return '<br>'.join(escaped(abbreviated(line, _LONGEST_LINE)) for line in [
+        *lines[:_MOST_LINES], *[f'and {rest} more lines'] * (rest > 0)])
 
 
 class _Slider:
@@ -50,11 +85,7 @@ class _Slider:
 
 
 class Joints:
-    """
-    The sliders for the joints of one robot.
-
-    Callbacks run in the thread of viser. They store what the viewer does until the next update.
-    """
+    """The sliders for the joints of one robot, which move at once."""
 
     def __init__(self, gui: viser.GuiApi, container: Any, source: JointControls) -> None:
         """Add the controls to a tab or a folder."""
@@ -64,34 +95,42 @@ class Joints:
             self._choice = gui.add_dropdown('Joints of', ('',), visible=False)
             self._centre = gui.add_button('Centre', visible=False)
             self._wave = gui.add_button('Wave', visible=False)
-        for button in self._centre, self._wave:
-            button.on_click(self._on_event)
+        self._centre.on_click(self._on_centre)
+        self._wave.on_click(self._on_wave)
         self._control: Optional[JointControl] = None  # the one that is shown
         self._sliders: list[_Slider] = []
         self._shown: Optional[JointPositions] = None  # what the sliders belong to
         self._next = 0.0
-        #: What the viewer has done since the last update: the handle, its value, and the topic of
-        #: the robot that was chosen.
-        self._actions: deque[tuple[Any, Any, str]] = deque()
 
-    async def _on_event(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._actions.append((event.target, event.target.value, self._choice.value))
+    @property
+    def _chosen(self) -> Optional[JointControl]:
+        return next((control for control in self._source.controls
+                     if control.topic == self._choice.value), None)
 
-    def act(self) -> None:
-        """Do what the viewer wants."""
-        if self._actions:
-            self._act({control.topic: control for control in self._source.controls})
+    async def _on_centre(self, _: Any) -> None:
+        if control := self._chosen:
+            control.centre()
+
+    async def _on_wave(self, _: Any) -> None:
+        if control := self._chosen:
+            control.wave()
+
+    async def _on_slider(self, event: 'viser.GuiEvent[Any]') -> None:
+        # The robot of the sliders may have left since they were shown.
+        if event.client_id is not None and (control := self._control) in self._source.controls:
+            for slider in self._sliders:
+                if slider.handle is event.target and control:
+                    slider.shown = event.target.value
+                    control.set(slider.joint.name, slider.position(slider.shown))
 
     def update(self, now: float) -> None:
-        """Do what the viewer wants, and show the positions; `now`: on the monotonic clock (s)."""
-        self.act()
+        """Show the robots and the positions; `now`: on the monotonic clock (s)."""
         if now < self._next:
             return
         self._next = now + _PERIOD
-        controls = {control.topic: control for control in self._source.controls}
-        change(self._choice, options=(*controls,) or ('',), visible=len(controls) > 1)
-        control = self._control = controls.get(self._choice.value)
+        topics = tuple(control.topic for control in self._source.controls)
+        change(self._choice, options=topics or ('',), visible=len(topics) > 1)
+        control = self._control = self._chosen
         change(self._centre, visible=control is not None)
         change(self._wave, visible=control is not None and control.can_wave)
         self._show(control.positions if control else None)
@@ -101,20 +140,6 @@ class Joints:
         if control and (rest := len(control.positions.free) - _SLIDERS) > 0:
             text += f' {rest} more joints have no slider.'
         change(self._status, content=html(text, 'joints'))
-
-    def _act(self, controls: Mapping[str, JointControl]) -> None:
-        while self._actions:
-            target, value, topic = self._actions.popleft()
-            chosen, shown = controls.get(topic), self._control
-            if target is self._centre and chosen:
-                chosen.centre()
-            elif target is self._wave and chosen:
-                chosen.wave()
-            for slider in self._sliders:
-                # The robot of the sliders may have left since they were shown.
-                if target is slider.handle and shown and controls.get(shown.topic) is shown:
-                    slider.shown = float(value)
-                    shown.set(slider.joint.name, slider.position(slider.shown))
 
     def _show(self, positions: Optional[JointPositions]) -> None:
         if self._shown is not positions:
@@ -126,7 +151,7 @@ class Joints:
                     _Slider(self._gui, joint, positions[joint.name])
                     for joint in islice(positions.free.values(), _SLIDERS)] if positions else []
             for slider in self._sliders:
-                slider.handle.on_update(self._on_event)
+                slider.handle.on_update(self._on_slider)
         for slider in self._sliders:
             if positions:
                 slider.show(positions[slider.joint.name])

@@ -1,0 +1,154 @@
+"""What is drawn of frames: their axes, lines to their parents, and the trail of one."""
+
+from collections.abc import Collection, Mapping
+from typing import NamedTuple, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import SECOND
+from puretf_tools.view.feed import AnyBuffer, LENGTH
+from puretf_tools.view.placement import Placement, within_reach
+from puretf_tools.view.silent_frames import TIMEOUT
+
+#: The colours of a line at the frame and at its parent, and of an old one.
+_LINE, _AT_PARENT, _GREY = (225, 160, 20), (120, 50, 0), (178, 178, 178)
+#: The axes of the selected frame are this many times as large as those of others.
+_SELECTED = 1.5
+#: Numbers are rounded to multiples of this.
+_STEP = 2.0**-13
+#: The time between two points of a trail; a longer gap is filled with points from the buffer; and
+#: the duration of a piece (ns).
+_TRAIL_STEP, _GAP, _PIECE = SECOND // 20, SECOND // 5, SECOND
+#: By the number of a piece: its lines (m, 2, 3), start and end of each, x, y, z (m).
+Pieces = Mapping[int, NDArray[np.float64]]
+
+
+class Display(NamedTuple):
+    """What is drawn."""
+
+    size: float = 0.16  #: the length of an axis (m)
+    with_axes: bool = True
+    with_lines: bool = True  #: from each frame to its parent
+    with_names: bool = True
+    with_grid: bool = True
+    timeout: float = TIMEOUT  #: a frame of this age (s) is not drawn
+    hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
+    is_dark: bool = False  #: whether the page is dark
+
+    def alive(self, placement: Placement) -> set[str]:
+        """Return the frames that have not timed out."""
+        return {name for name, age in zip(placement.names, placement.ages.tolist())
+                if age < self.timeout}
+
+    def shown(self, placement: Placement) -> set[str]:
+        """Return the frames that are drawn: neither hidden nor timed out."""
+        return self.alive(placement) - self.hidden
+
+
+class Axes(NamedTuple):
+    """The axes of n frames."""
+
+    positions: NDArray[np.float64]  #: (n, 3): x, y, z (m)
+    wxyzs: NDArray[np.float64]  #: (n, 4): quaternions w, x, y, z
+    scales: NDArray[np.float64]  #: (n,): 0.0: not drawn
+
+
+def axes(placement: Placement, display: Display, selected: Collection[str] = ()) -> Axes:
+    """Return the axes of all frames; those of selected ones are larger."""
+    _, scales = fading(placement.ages, display.timeout)
+    if display.hidden:
+        scales = scales * [name not in display.hidden for name in placement.names]
+    scales = scales * np.where([name in selected for name in placement.names], _SELECTED, 1.0)
+    return Axes(rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales)
+
+
+def lines(placement: Placement, display: Display
+          ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """
+    Return the lines of those m frames that are drawn and whose parent has a pose.
+
+    :returns: (m, 2, 3): x, y, z (m) of the frame and of its parent; (m, 2, 3): the colours there.
+    """
+    shown = display.shown(placement)
+    drawn = [i for i, name in enumerate(placement.names)
+             if placement.parents[i] >= 0 and name in shown]
+    ends = [placement.parents[i] for i in drawn]
+    points = np.stack([placement.points[drawn], placement.points[ends]], axis=1)
+    colourfulness, _ = fading(placement.ages[drawn], display.timeout)
+    colours = _GREY + colourfulness[:, None, None] * (np.array([_LINE, _AT_PARENT]) - _GREY)
+    return rounded(points), np.round(colours).astype(np.uint8)
+
+
+def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round positions (m) and quaternions to what can be seen: they need half the bytes."""
+    result: NDArray[np.float64] = np.round(values / _STEP) * _STEP
+    return result
+
+
+def fading(ages: NDArray[np.float64], timeout: float = TIMEOUT
+           ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return the colourfulness of lines, from 1 to 0 (grey), and the scale of axes, from 1 to 0.
+
+    In the second third of the timeout (s), a line turns grey; in the last third, the axes shrink.
+    """
+    thirds = ages / (timeout / 3)
+    return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)
+
+
+class Trail:
+    """
+    The path over the last `LENGTH` seconds, in pieces, of which only the newest one grows.
+
+    It is a little longer, since whole pieces are dropped.
+    """
+
+    def __init__(self, buffer: AnyBuffer) -> None:
+        self._buffer = buffer
+        self._restart('', '')
+
+    def _restart(self, target: str, frame: str) -> None:
+        self._frames = target, frame
+        self._times = np.empty(0, np.int64)
+        self._points = np.empty((0, 3))
+
+    def draw(self, target: str, frame: str, end: int, point: NDArray[np.float64],
+             shift: Union[tuple[float, ...], NDArray[np.float64]] = (0.0, 0.0, 0.0)) -> Pieces:
+        """
+        Return the pieces of the path, the oldest first; each call can add points to it.
+
+        :param point: (3,): the position at the time `end` (ns), x, y, z (m).
+        :param shift: the position of the target in the scene (m).
+        :returns: lines in the scene, none at unknown times.
+        """
+        first = max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE)
+        last = max(self._times[-1:].tolist(), default=first)
+        # If the last point is later than `end`, time was set back.
+        if self._frames != (target, frame) or last > max(end, first):
+            self._restart(target, frame)
+            last = first
+        if end - last > _GAP:
+            times = np.arange(max(first, last + 1), end, _TRAIL_STEP, dtype=np.int64)
+            points, _, _ = self._buffer.lookup_transforms(target, frame, times)
+            self._times = np.append(self._times, times)
+            self._points = np.concatenate([self._points, points])
+        elif end - last >= _TRAIL_STEP:
+            self._times = np.append(self._times, end)
+            self._points = np.concatenate([self._points, [point]])
+        kept = self._times >= first
+        self._times, self._points = self._times[kept], self._points[kept]
+        points = within_reach(np.concatenate([self._points, [point]]) + shift)
+        lines = np.stack([points[:-1], points[1:]], axis=1)
+        known = np.isfinite(lines).all(axis=(1, 2))
+        numbers, begins = np.unique(self._times[known] // _PIECE, return_index=True)
+        return dict(zip(numbers.tolist(), np.split(lines[known], begins[1:])))
+
+    def pieces(self, placement: Placement, name: str, display: Display) -> Pieces:
+        """Draw the trail of a placed frame in the scene; none if the frame is not drawn."""
+        if name not in display.shown(placement):
+            return {}
+        i = placement.names.index(name)
+        anchor, y = placement.anchor_of(name)
+        return self.draw(anchor, name, placement.stamps[i], placement.poses[i, :3],
+                         (0.0, y, 0.0) - placement.origin)
