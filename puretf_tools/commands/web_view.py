@@ -68,15 +68,14 @@ def _read_view(path: str) -> str:
     """Read a view, as the page's "Copy view" writes it."""
     try:
         text = Path(path).read_text(encoding='utf-8').strip()
-        is_view = isinstance(json.loads(text), dict)
+        if isinstance(json.loads(text), dict):
+            return text
     except OSError as error:
         raise CommandError(f'cannot read {path}: {error.strerror}') from None
     except ValueError:
-        is_view = False
-    if not is_view:
-        raise CommandError(f'{path} is no view: press "Copy view" on the page, and save the line '
-                           'that it shows in a file')
-    return text
+        pass
+    raise CommandError(f'{path} is no view: press "Copy view" on the page, and save the line '
+                       'that it shows in a file')
 
 
 def _show_bag(bag: BagOption, feed: BagFeed, host: str, port: Optional[int],

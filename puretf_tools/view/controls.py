@@ -59,7 +59,7 @@ class Settings:
 
         def write(values: list[Any]) -> None:
             names.clear()
-            names.update(each for each in values if isinstance(each, str))
+            names.update(map(str, values))
 
         self.add(name, lambda: sorted(names), write, list)
         return names
@@ -213,11 +213,6 @@ def change(handle: Any, **values: Any) -> None:
     for name, value in values.items():
         if getattr(handle, name) != value:
             setattr(handle, name, value)
-
-
-def within(value: float, smallest: float, largest: float) -> float:
-    """Clamp a number."""
-    return min(max(value, smallest), largest)
 
 
 def html(text: str, key: str) -> str:

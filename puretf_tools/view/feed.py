@@ -1,6 +1,5 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from time import monotonic
@@ -50,6 +49,7 @@ class Player:
         self.speed = 1.0  #: how many times as fast as the recording it runs
         #: When the first and the last message were recorded (ns); (0, 0): it is not known.
         self.recorded: tuple[int, int] = (0, 0)
+        self.plays = True  #: False: it is paused
         self.loops = True  #: whether it goes on from the start at the end
         self.is_whole = True  #: False while the bag is read: then the player waits at its end
         self.fit(frames)
@@ -80,6 +80,11 @@ class Player:
     def seek(self, time: int) -> None:
         """Go to a time (ns), or to the nearest one in the bag."""
         self.time = min(max(self.begin, time), self.end)
+
+    def stop_at(self, time: int) -> None:
+        """Go to a time (ns), and pause."""
+        self.seek(time)
+        self.plays = False
 
 
 class HandPublisher:
@@ -199,8 +204,6 @@ class BagFeed(Feed):
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
         self.done: Optional[float] = None
         self.error: Optional[BaseException] = None  #: what has ended the reading
-        #: The times (ns) to which viewers want to go, until somebody takes them.
-        self.goals: deque[int] = deque(maxlen=1)
 
     def update(self) -> str:
         """Let the player follow the reading; return how far it is, or raise its error."""

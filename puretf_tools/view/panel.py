@@ -8,16 +8,7 @@ import viser
 
 from puretf_tools.view.body import BodyDisplay
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import (
-    AUTOMATIC,
-    change,
-    copied,
-    FrameChoice,
-    html,
-    LAST,
-    Settings,
-    within,
-)
+from puretf_tools.view.controls import AUTOMATIC, change, copied, FrameChoice, html, LAST, Settings
 from puretf_tools.view.display import configure, DisplayPanel
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.findings import Findings
@@ -148,12 +139,12 @@ class Panel:
 
     async def _on_step(self, step: float, _: Any) -> None:
         self._pause.value = True
-        self._back.value = within(self._back.value + step, 0.0, LENGTH)
+        self._back.value = min(max(self._back.value + step, 0.0), LENGTH)
 
     @property
     def back(self) -> float:
         """How far back a paused page looks (s)."""
-        return within(self._back.value, 0.0, LENGTH) if self.is_paused else 0.0
+        return min(max(self._back.value, 0.0), LENGTH) if self.is_paused else 0.0
 
     def set_frames(self, placement: Placement, names: list[str], now: float) -> None:
         """

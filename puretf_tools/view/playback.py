@@ -39,7 +39,6 @@ class Playback:
         self._gui, self._feed, self._player = gui, feed, feed.player
         self._requests: deque[Callable[[], object]] = deque()
         self._length, self._width = 0.0, 0.0  # of the slider (s), of the bar (pixels)
-        self._plays = True
         self._marked: object = ()
         self._reading = gui.add_html('')
         self._bar = gui.add_panel(visible=False)
@@ -89,7 +88,7 @@ class Playback:
 
     def _act(self, action: str) -> None:
         if action in (_PAUSE, _PLAY):
-            self._plays = not self._plays
+            self._player.plays = not self._player.plays
         elif action in (_LOOP, _ONCE):
             self._player.loops = action == _ONCE
         else:
@@ -108,15 +107,13 @@ class Playback:
             self._time.remove()
             with self._tab:
                 self._time = self._slider()
-        player.advance(self._plays and bool(clients))
-        while self._feed.goals:
-            self._stop_at(self._feed.goals.popleft())
+        player.advance(player.plays and bool(clients))
         while self._requests:
             self._requests.popleft()()
         self._time.value = round(player.position, 2)
         speed = f', {player.speed:g} times as fast as recorded' * (player.speed != 1.0)
         change(self._shown_time, content=html(both(player.time, player.begin) + speed, 'time'))
-        change(self._play, options=(_PAUSE if self._plays else _PLAY, _BACK, _NEXT,
+        change(self._play, options=(_PAUSE if player.plays else _PLAY, _BACK, _NEXT,
                                     _LOOP if player.loops else _ONCE))
         self._fit(clients)
         return player.time
@@ -139,11 +136,7 @@ class Playback:
                     own.searchsorted(time, 'right'))
                 stamps += own[max(i, 0):i + 1].tolist()
         if stamps:
-            self._stop_at(max(stamps) if is_back else min(stamps))
-
-    def _stop_at(self, time: int) -> None:
-        self._player.seek(time)
-        self._plays = False
+            self._player.stop_at(max(stamps) if is_back else min(stamps))
 
     def _go_to(self, text: str) -> None:
         span, problem = (self._player.begin, self._player.end), ''
@@ -151,7 +144,7 @@ class Playback:
             if text:
                 time = when(text).within(span)
                 if not (problem := why_outside(time, span)):
-                    self._stop_at(time or self._player.end)  # 0: the latest
+                    self._player.stop_at(time or self._player.end)  # 0: the latest
         except ArgumentTypeError as error:
             problem = str(error)
         self._problem.content = html(problem, 'problem')

@@ -11,6 +11,7 @@ import viser
 
 from puretf import comma_list, shortened
 from puretf.rotations import euler_from_quaternion
+from puretf_tools.inspection.forest import descend
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes_and_trail import Axes, axes, Display, lines, Pieces, rounded
 from puretf_tools.view.body import Body, BodyDisplay
@@ -219,9 +220,7 @@ class Scene:
 
     def _show_names(self, placement: Placement, display: Display, selected: Collection[str]
                     ) -> None:
-        texts = _texts(placement, display) if display.with_names else []
-        shown = {name: (text, position) for name, text, position in zip(
-            placement.names, texts, rounded(placement.points)) if text}
+        shown = _labels(placement, display) if display.with_names else {}
         if isinstance(self._owner, viser.ClientHandle):
             # Names that are shown stay, so that they do not flicker.
             first = [*selected, *(name for name, label in self._labels.items() if label.visible)]
@@ -278,27 +277,23 @@ def _grid() -> NDArray[np.float64]:
     return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
 
 
-def _texts(placement: Placement, display: Display) -> list[str]:
-    """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
-    shown = display.shown(placement)
-    texts = [shortened(name, _LONGEST_NAME) if name in shown else '' for name in placement.names]
-    label_of = list(range(len(texts)))
-    for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
-        if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]
-                and np.linalg.norm(placement.points[i] - placement.points[parent])
-                < _NEAR * display.size):
-            label_of[i] = parent
-    shared: dict[int, list[str]] = {}
-    for i, text in enumerate(texts):
-        if label_of[i] != i:
-            first = label_of[i]
-            while label_of[first] != first:
-                first = label_of[first]
-            shared.setdefault(first, [texts[first]]).append(text)
-            texts[i] = ''
-    for i, names in shared.items():
-        texts[i] = comma_list(names, _SHARED_NAMES)
-    return texts
+def _labels(placement: Placement, display: Display) -> dict[str, _Label]:
+    """Return the labels of frames; a static frame at its parent is in the label of the parent."""
+    shown, frames = display.shown(placement), placement.frames
+    points = dict(zip(placement.names, rounded(placement.points)))
+
+    def label_of(name: str, above: str) -> str:
+        parent = frames[name].parent
+        return above if frames[name].is_static and {name, parent} <= shown and np.linalg.norm(
+            points[name] - points[parent]) < _NEAR * display.size else name
+
+    labels = descend(frames, {name: name for name in shown - frames.keys()}, label_of)
+    texts: dict[str, list[str]] = {}
+    for name in placement.names:
+        if name in shown:
+            texts.setdefault(labels.get(name, name), []).append(shortened(name, _LONGEST_NAME))
+    return {name: (comma_list(names, _SHARED_NAMES), points[name])
+            for name, names in texts.items()}
 
 
 def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,

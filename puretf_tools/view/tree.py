@@ -8,7 +8,7 @@ from typing import Any
 import viser
 
 from puretf import shortened
-from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
+from puretf_tools.inspection.forest import Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import change, html, Row, Rows, Settings
 from puretf_tools.view.placement import Placement
@@ -78,13 +78,10 @@ class Tree:
 
     def hidden(self, placement: Placement, passes: Callable[[str], bool]) -> frozenset[str]:
         """Return the frames that are not to be drawn; `passes`: whether a name passes filters."""
-        hidden = {name for name in placement.names if name in self._hidden or not passes(name)}
-        if self._hidden_branches:
-            below = {name: name in self._hidden_branches for name in placement.trees}
-            hidden.update(name for name, is_below in descend(
-                placement.frames, below, lambda name, is_below: (
-                    is_below or name in self._hidden_branches)).items() if is_below)
-        return frozenset(hidden)
+        branches = self._hidden_branches
+        return frozenset(name for name in placement.names if (
+            name in self._hidden or not passes(name) or (branches and
+            not branches.isdisjoint(self_and_ancestors(name, placement.frames)))))
 
     def fold(self, name: str) -> None:
         """Fold the row of a frame, or unfold it."""

@@ -1,7 +1,10 @@
 """The page: the scene and the panels, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from contextlib import suppress
+from functools import cache, lru_cache
+from queue import SimpleQueue
+from threading import Thread
 from time import monotonic
 from typing import Any, Optional
 from zlib import crc32
@@ -20,7 +23,6 @@ from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
 from puretf_tools.view.findings import marks
 from puretf_tools.view.meshes import Meshes
-from puretf_tools.view.pace import Pace
 from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
@@ -37,6 +39,8 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 #: After an update that took long, since there are many frames, the page rests for this many times
 #: as long. Meanwhile viser sends the changes to the viewers.
 _REST = 4.0
+#: How long a viewer waits for what the browser has stored (s).
+_PATIENCE = 5.0
 #: The number of moments of a bag that the first camera shows.
 _MOMENTS = 30
 
@@ -131,16 +135,17 @@ class Viewer:
         self._pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
         self._client, self._is_alone, self._is_restored = client, is_alone, False
         self._next_store = 0.0  # (s, monotonic clock)
-        self._until = self._goal = 0  # of a bag: what is shown, and what is wanted (ns)
+        #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
+        self._until = self._goal = 0
         self._scene = Scene(client, meshes)
         self._settings = Settings(first)
         self._panel = Panel(client, feed, self._settings, self._look_from)
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         self._placement: Optional[Placement] = None
-        self._shown: tuple[str, int] = '', 0  # the request for a paused placement
-        self._paused_at = 0  # the time that a paused page shows (ns)
-        #: The last seconds before a pause; None: the page is not paused, or there are no frames.
-        self._copy: Optional[FrameWatcher] = None
+        self._paused_at = 0  # when the page was paused (ns)
+        #: Places the frames of the last seconds before a pause; None: the page is not paused, or
+        #: there are no frames.
+        self._place_paused: Optional[Callable[[str, int], Placement]] = None
         #: The frames that can be chosen.
         self._names: dict[str, None] = {}
         self._use(feed.buffer)
@@ -184,24 +189,20 @@ class Viewer:
 
     def _place(self, place: Callable[[str, int], Placement], until: int) -> Placement:
         """Return the frames to show; while they are paused, those of a copy of the buffer."""
-        panel, fixed = self._panel, self._panel.fixed.chosen
-        if not panel.is_paused and self._copy:
+        panel = self._panel
+        if not panel.is_paused and self._place_paused:
             self._use(self._feed.buffer)
-            self._copy = None
-        if panel.is_paused and not self._copy and self._placement and self._placement.names:
+            self._place_paused = None
+        if panel.is_paused and not self._place_paused and (
+                self._placement and self._placement.names):
             self._paused_at = max(self._placement.stamps)
             copy = TransformBuffer.copy_of(
                 self._feed.buffer, max(1, self._paused_at - LENGTH * SECOND))
             self._use(copy)
-            self._copy = FrameWatcher(copy)
-            self._shown = fixed, self._paused_at  # what is shown stays
-        if not self._copy:
-            return place(fixed, until)
-        request = fixed, max(1, self._paused_at - round(panel.back * SECOND))
-        if request == self._shown and self._placement:
-            return self._placement
-        self._shown = request
-        return self._copy.placement(*request)
+            self._place_paused = lru_cache(1)(FrameWatcher(copy).placement)
+        self._until = max(1, self._paused_at - round(panel.back * SECOND)) if (
+            self._place_paused) else until
+        return (self._place_paused or place)(panel.fixed.chosen, self._until)
 
     def _use(self, buffer: AnyBuffer) -> None:
         self._panel.pair.buffer = self._buffer = buffer
@@ -219,7 +220,7 @@ class Viewer:
         panel = self._panel
         if not self._is_restored:
             self._restore()
-        self._until, player = until, self._feed.player
+        player = self._feed.player
         if self._goal and player and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
@@ -241,7 +242,7 @@ class Viewer:
                          panel.body, panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames)
         panel.update_robots(self._scene.body.lines, now)
-        panel.pair.update(self._shown[1] if self._copy else until, now)
+        panel.pair.update(self._until, now)
         panel.hand_frame.update(placement)
         if now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD
@@ -268,8 +269,8 @@ class Viewer:
             self._marked = finding.frames
             panel.selected.choose(next(iter(finding.frames), panel.selected.value))
             panel.tree.unfold(placement, panel.selected.value)
-            if isinstance(self._feed, BagFeed) and finding.time:
-                self._feed.goals.append(finding.time)
+            if self._feed.player and finding.time:
+                self._feed.player.stop_at(finding.time)
         if scene.shift_clicks:
             panel.pair.choose(panel.selected.value, scene.shift_clicks.pop())
         if panel.tree.clicks:
@@ -292,3 +293,50 @@ class Viewer:
         look_at(self._scene.seen(placement, shown), self._cameras,
                 VIEWS['all' if view == 'frame' else view])
         self.first_camera.is_over = True
+
+
+class Pace:
+    """
+    Waits for a viewer, so that updates do not queue on a slow link or in a slow browser.
+
+    A browser handles all messages in their order. So when it answers a question about its storage,
+    it has handled the update that was sent before.
+    """
+
+    def __init__(self, client: viser.ClientHandle, key: str) -> None:
+        """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
+        self._client, self._key = client, key
+        self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
+        self.stored: Optional[str] = None
+        self.is_blocked = False  #: True if the browser stores nothing
+        self.is_waiting = True  #: True until the last update has been handled
+        Thread(target=self._work, daemon=True).start()
+
+    def when_handled(self, move: Callable[[], object]) -> None:
+        """Call a function in another thread, as soon as what was sent before has been handled."""
+        self.is_waiting = True
+        self._moves.put(move)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._moves.put(None)
+
+    def store(self, text: str) -> None:
+        """Let the browser store a text, in place of the one before."""
+        if text != self.stored:
+            self.stored = text
+            self._client.local_storage.set_item(self._key, text)
+
+    def _work(self) -> None:
+        try:
+            self.stored = self._client.local_storage.get_item(self._key, _PATIENCE)
+        except RuntimeError:  # or the viewer has left
+            self.is_blocked = True
+        except TimeoutError:
+            pass
+        self.is_waiting = False
+        while move := self._moves.get():
+            with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
+                self._client.local_storage.get_item('handled')
+            move()
+            self.is_waiting = False
