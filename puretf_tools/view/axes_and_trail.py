@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf_tools.view.feed import AnyBuffer, LENGTH
-from puretf_tools.view.placement import Placement, within_reach
-from puretf_tools.view.silent_frames import TIMEOUT
+from puretf_tools.view.placement import Placement, TIMEOUT, within_reach
 
 #: The colours of a line at the frame and at its parent, and of an old one.
 _LINE, _AT_PARENT, _GREY = (225, 160, 20), (120, 50, 0), (178, 178, 178)

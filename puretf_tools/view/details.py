@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from math import degrees
 from shlex import quote
-from typing import Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,7 @@ from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import escaped, html, STYLE
 from puretf_tools.view.feed import AnyBuffer, Feed
-from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
-from puretf_tools.view.silent_frames import SILENT, TIMEOUT
+from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH, SILENT, TIMEOUT
 
 #: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5
@@ -57,14 +55,8 @@ def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float =
     return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
 
-def details(placement: Placement, name: str, feed: Feed, buffer: Optional[AnyBuffer] = None
-            ) -> str:
-    """
-    Return in HTML a table of one frame, or a sentence if it is not available.
-
-    :param buffer: that of the placement; None: that of the feed.
-    """
-    buffer = buffer or feed.buffer
+def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> str:
+    """Return in HTML a table of one frame, or a sentence; `buffer`: that of the placement."""
     if name not in placement.names:
         return html(f'{name} is not available.' if name else 'Click a frame, or choose one.',
                     'details')

@@ -7,15 +7,7 @@ from typing import NamedTuple, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 
-from puretf import (
-    exact_time,
-    Frame,
-    SECOND,
-    Transform,
-    TransformBuffer,
-    TransformException,
-    visible,
-)
+from puretf import exact_time, Frame, SECOND, Transform, TransformBuffer, TransformException
 from puretf.transform_table import Message
 from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
@@ -102,7 +94,7 @@ class HandPublisher:
         from puretf import StaticTransformBroadcaster
         node, name = self._frame_listener.node, transform.child_frame_id
         if self._broadcasters.get(name, (owner,))[0] is not owner:
-            return f'another viewer publishes frame {visible(name)} already'
+            return f'another viewer publishes frame {name} already'
         if why := self._why_refused(transform):
             return why
         if name not in self._broadcasters:
@@ -126,7 +118,7 @@ class HandPublisher:
         frames = {frame.name: frame for frame in self._frame_listener.buffer.frames()}
         name = transform.child_frame_id
         if name in self_and_ancestors(transform.frame_id, frames):
-            return (f'frame {visible(name)} is above {visible(transform.frame_id)}: there would '
+            return (f'frame {name} is above {transform.frame_id}: there would '
                     'be a loop')
         if name not in frames:
             return ''
@@ -139,7 +131,7 @@ class HandPublisher:
         # A frame whose publisher has ended can be published by another one.
         if is_own or listener.is_present(gid) is False:
             return ''
-        return f'{visible(publisher)} publishes frame {visible(name)} already'
+        return f'{publisher} publishes frame {name} already'
 
 
 class Publication(NamedTuple):

@@ -1,23 +1,22 @@
 """The panels beside the scene: the controls and texts of one viewer."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from functools import partial
+import re
 from typing import Any, Optional
 
 import viser
 
-from puretf_tools.view.body import BodyDisplay
+from puretf_tools.view.axes_and_trail import Display
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import AUTOMATIC, change, copied, FrameChoice, html, LAST, Settings
-from puretf_tools.view.display import configure, DisplayPanel
+from puretf_tools.view.controls import AUTOMATIC, Choice, copied, FrameChoice, html, LAST, Settings
 from puretf_tools.view.feed import Feed, LENGTH
-from puretf_tools.view.findings import Findings
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.pair import Pair
-from puretf_tools.view.placement import Placement
+from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
-from puretf_tools.view.tree import Tree
+from puretf_tools.view.tree_and_findings import Findings, Tree
 from puretf_tools.view.viser_private import ACCESSIBLE
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
@@ -25,8 +24,11 @@ SETTLING = 1.0
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
+#: Red, green, blue of the buttons, by whether the page is dark: viser's own are too light for
+#: white text.
+_BRANDS = (10, 70, 145), (95, 150, 225)
 #: The widths of the panels (pixels), and a step back or forward (s).
-_TREE_WIDTH, _MAIN_WIDTH, _STEP = 320.0, 360.0, 0.1
+_TREE_WIDTH, _MAIN_WIDTH, _STEP = 350.0, 360.0, 0.1
 
 
 class Panel:
@@ -58,19 +60,16 @@ class Panel:
         for label, key, view in (('Focus on all frames', 'A', 'all'),
                                  ('Focus on the selected frame', 'F', 'frame'),
                                  ('Look from the top', 'T', 'top')):
-            self._add_key(label, key, partial(self._on_focus, view))
+            self._add_key(label, key, partial(self._on_view, view=view))
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
-        tabs = self._tabs = gui.add_tab_group()
-        #: None until there is a description of a robot.
-        self._robot: Optional[RobotTab] = None
-        if feed.joint_controls and feed.joint_controls.come_first:
-            self._add_robot_tab()
+        tabs = gui.add_tab_group()
+        self.robot = RobotTab(gui, tabs, settings, feed.joint_controls)
         with tabs.add_tab('Frame'):
             self.selected = FrameChoice(gui, 'Frame', settings=settings)
             self.trail = FrameChoice(gui, 'Trail of', settings=settings)
             self.follow = FrameChoice(gui, 'Follow', settings=settings)
             self.follows_yaw = settings.control(gui.add_checkbox('Follow its yaw', False))
-            self._details = gui.add_html('')
+            self.details = gui.add_html('')
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, settings)
             self._add_view_controls(gui)
@@ -78,7 +77,7 @@ class Panel:
             self.pair = Pair(gui, settings, feed, self.selected)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
-        self._overview = gui.add_html('', order=LAST)
+        self.overview = gui.add_html('', order=LAST)
         self._frame_choices = [self.fixed, self.selected, self.trail, self.follow,
                                *self.pair.choices, self.hand_frame.parent]
 
@@ -119,11 +118,8 @@ class Panel:
     async def _on_reset(self, _: Any) -> None:
         self._feed.reset()
 
-    async def _on_view(self, event: 'viser.GuiEvent[Any]') -> None:
-        await self._look_from(event.target.value)
-
-    async def _on_focus(self, view: str, _: Any) -> None:
-        await self._look_from(view)
+    async def _on_view(self, event: Any, view: str = '') -> None:
+        await self._look_from(view or event.target.value)
 
     @property
     def is_paused(self) -> bool:
@@ -146,13 +142,16 @@ class Panel:
         """How far back a paused page looks (s)."""
         return min(max(self._back.value, 0.0), LENGTH) if self.is_paused else 0.0
 
-    def set_frames(self, placement: Placement, names: list[str], now: float) -> None:
+    def set_frames(self, placement: Placement, now: float) -> None:
         """
         Set the dropdowns and the checkbox 'Show names'.
 
         Until the viewer uses the checkbox, it is ticked if there are at most `MOST_NAMES`
         frames.
         """
+        # A bag is played again and again, so its frames stay in the dropdowns.
+        before = self._options if self._feed.player else []
+        names = [*dict.fromkeys([*before, *placement.names])]
         if names != self._options and now >= self._next_options:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
             for choice in self._frame_choices:
@@ -169,23 +168,58 @@ class Panel:
             choice.propose(self._proposal)
         self.display.names.propose(len(placement.names) <= MOST_NAMES)
 
-    @property
-    def body(self) -> BodyDisplay:
-        """What is drawn of the bodies of robots."""
-        return self._robot.display if self._robot else BodyDisplay()
 
-    def _add_robot_tab(self) -> None:
-        self._robot = RobotTab(self._gui, self._tabs.add_tab('Robot'), self._settings,
-                               self._feed.joint_controls)
+class DisplayPanel:
+    """The controls of a `Display`."""
 
-    def update_robots(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
-        """Show lines about the descriptions of robots, and the sliders of their joints."""
-        if lines[0] and self._robot is None:
-            self._add_robot_tab()
-        if self._robot:
-            self._robot.update(lines, now)
+    def __init__(self, gui: viser.GuiApi, settings: Settings) -> None:
+        """Add the controls to the current container."""
+        self._gui = gui
+        self._include, self._exclude = (
+            settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
+        self._problem = gui.add_html('')
+        #: The expressions of the frames that are shown, and of those that are not; None: of none.
+        self._filters: list[Optional[re.Pattern[str]]] = [None, None]
+        for box in self._include, self._exclude:
+            box.on_update(self._on_filter)
+        self._axes = settings.control(gui.add_checkbox('Axes', True))
+        self._size = settings.control(
+            gui.add_slider('Axis length (m)', 0.02, 2.0, 0.02, Display().size))
+        self._lines = settings.control(gui.add_checkbox('Lines to parents', True))
+        self.names = Choice(gui.add_checkbox('Show names', True), settings)
+        self._grid = settings.control(gui.add_checkbox('Grid', True))
+        self._timeout = settings.control(
+            gui.add_slider('Frame timeout (s)', 1.0, 60.0, 1.0, TIMEOUT))
+        self._dark = settings.control(gui.add_checkbox('Dark', False))
+        self._dark.on_update(self._on_dark)
 
-    def show_texts(self, overview: str, details: str) -> None:
-        """Show two texts in HTML."""
-        change(self._overview, content=overview)
-        change(self._details, content=details)
+    async def _on_filter(self, event: 'viser.GuiEvent[Any]') -> None:
+        filters, problem = [], ''
+        for label, box in ('Include', self._include), ('Exclude', self._exclude):
+            try:
+                filters.append(re.compile(box.value) if box.value else None)
+            except (re.error, RecursionError, OverflowError) as error:
+                problem = f'{label}: not a regular expression: {error}'
+                filters.append(None)
+        self._filters, self._problem.content = filters, html(problem, 'filter')
+
+    def passes(self, name: str) -> bool:
+        """Return whether the name of a frame passes the filters."""
+        include, exclude = self._filters
+        return (include is None or include.search(name) is not None) and (
+            exclude is None or exclude.search(name) is None)
+
+    async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
+        configure(self._gui, bool(event.target.value))
+
+    def display(self, hidden: frozenset[str]) -> Display:
+        """Return what is to be drawn, without some frames."""
+        return Display(
+            self._size.value, self._axes.value, self._lines.value, self.names.value,
+            self._grid.value, self._timeout.value, hidden, self._dark.value)
+
+
+def configure(gui: viser.GuiApi, is_dark: bool) -> None:
+    """Set the theme of a viewer."""
+    gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False,
+                        control_width='large', brand_color=_BRANDS[is_dark])

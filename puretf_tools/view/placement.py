@@ -1,20 +1,26 @@
-"""The placement of frames in the scene at one time: the position and the parent of each."""
+"""The frames at one time: the position and the parent of each in the scene, and its age."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
 from itertools import takewhile
-from math import isfinite
+from math import inf, isfinite
 from time import monotonic
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame
+from puretf import Frame, in_seconds
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
 from puretf_tools.view.feed import AnyBuffer
-from puretf_tools.view.silent_frames import ages, Freshness, without_gone
 
+#: A frame of this age (s) is not drawn, as by default in rviz2 ("Frame Timeout").
+TIMEOUT = 15.0
+#: If a frame has had no new stamp for more than this time (s), its rate is not shown.
+SILENT = 1.0
+#: A dynamic frame leaves the page if its last update is this much (s) older than the last update
+#: of any frame.
+GONE = 60.0
 #: The distance between the anchors of trees that are not connected, along -y (m).
 SPACING = 2.0
 #: Frames that are farther than this from the origin of the scene are drawn at this distance (m): a
@@ -45,7 +51,7 @@ class Placement(NamedTuple):
     #: if these are far from the fixed frame.
     origin: NDArray[np.float64]
     stamps: list[int]  #: (n,): ns; 0: the pose is valid at all times
-    ages: NDArray[np.float64]  #: (n,): s, see `silent_frames.ages`
+    ages: NDArray[np.float64]  #: (n,): s, see `ages_of`
     silences: dict[str, float]  #: by name: s since the last new stamp; 0 if the frame is static
     frames: dict[str, Frame]  #: by name: the frames that have a parent and are shown
     trees: dict[str, float]  #: by anchor: its y in the scene (m)
@@ -53,7 +59,7 @@ class Placement(NamedTuple):
     loops: list[list[str]]  #: frames in loops; these are not in `names`
     far: list[str]  #: frames beyond `REACH`, which are drawn at that distance
     not_finite: list[str]  #: frames that are not in `names` because x, y or z is not finite
-    gone: int  #: the number of frames that have left the page; see `silent_frames.GONE`
+    gone: int  #: the number of frames that have left the page; see `GONE`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
 
     @property
@@ -73,7 +79,9 @@ class FrameWatcher:
     """Places the frames of a buffer, and remembers when each frame was last updated."""
 
     def __init__(self, buffer: AnyBuffer, clock: Callable[[], float] = monotonic) -> None:
-        self._buffer, self._freshness = buffer, Freshness(clock)
+        self._buffer, self._clock = buffer, clock
+        #: By dynamic frame: the newest stamp (ns), and when it was first seen (s).
+        self._updates: dict[str, tuple[int, float]] = {}
         self._origins: dict[str, NDArray[np.float64]] = {}  # of the scene, by fixed frame
 
     def placement(self, fixed: str = '', until: int = 0) -> Placement:
@@ -94,7 +102,7 @@ class FrameWatcher:
     def _placement(self, fixed: str, until: int) -> Placement:
         with self._buffer.updated():
             known = {frame.name: frame for frame in self._buffer.frames(until)}
-            silences = self._freshness.silences(known, until)
+            silences = self._silences(known, until)
             kept = known if until else without_gone(known, silences)
             forest = Forest(kept.values())
             # Frames in and below loops have no root.
@@ -125,7 +133,7 @@ class FrameWatcher:
         points = within_reach(places)
         is_far = (points != places).any(axis=1)
         silences = {name: silences[name] for name in frames}
-        age_of = ages(frames, trees, silences)
+        age_of = ages_of(frames, trees, silences)
         return Placement(
             fixed=fixed, names=names,
             parents=[index.get(frames[name].parent, -1) if name in frames else -1
@@ -154,7 +162,68 @@ class FrameWatcher:
 
     def watch(self) -> None:
         """Remember when the frames were updated, as `placement` does for the latest time."""
-        self._freshness.silences({frame.name: frame for frame in self._buffer.frames()})
+        self._silences({frame.name: frame for frame in self._buffer.frames()})
+
+
+    def _silences(self, frames: dict[str, Frame], until: int = 0) -> dict[str, float]:
+        """
+        Return how long frames have had no new stamp (s); 0.0 if a frame is static.
+
+        :param until: the time of a bag (ns), to which the stamps are compared; 0: the frames are
+            live, and this call remembers which stamps are new.
+        """
+        if until:
+            return {name: 0.0 if frame.is_static else in_seconds(until - frame.latest)
+                    for name, frame in frames.items()}
+        now, before = self._clock(), self._updates
+        self._updates = {}
+        for name, frame in frames.items():
+            if not frame.is_static:
+                stamp, since = before.get(name, (0, now))
+                self._updates[name] = frame.latest, since if stamp == frame.latest else now
+        return {name: now - self._updates[name][1] if name in self._updates else 0.0
+                for name in frames}
+
+
+def without_gone(frames: dict[str, Frame], silences: dict[str, float]) -> dict[str, Frame]:
+    """
+    Return the frames without those that have left the page.
+
+    A dynamic frame leaves after `GONE`, and with it the static frames below it. If there is a
+    dynamic frame below it that stays, they stay too, in a tree of their own.
+    """
+    quietest = min((silences[name] for name, frame in frames.items() if not frame.is_static),
+                   default=0.0)
+    silent = {name for name, silence in silences.items() if silence - quietest > GONE}
+    rest = {name: frame for name, frame in frames.items() if name not in silent}
+    root_of = descend(rest, {frame.parent: frame.parent for frame in rest.values()
+                             if frame.parent not in rest}, lambda _, root: root)
+    silent.difference_update(
+        root_of.get(name, '') for name, frame in rest.items() if not frame.is_static)
+    return {name: frame for name, frame in rest.items() if root_of.get(name) not in silent}
+
+
+def ages_of(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, float]
+         ) -> dict[str, float]:
+    """
+    Compute the ages of frames (s): the longest silence on the path to the anchor of their tree.
+
+    For the anchor itself, there is no such path: its age is its own silence, or if it is a root,
+    the shortest silence of its children.
+    """
+    found: dict[str, float] = {}
+    for anchor in trees:
+        age = 0.0
+        for name in self_and_ancestors(anchor, frames):
+            found[name] = age
+            age = max(age, silences.get(name, 0.0))
+    found = descend(frames, found, lambda name, age: max(age, silences[name]))
+    children: dict[str, float] = {}
+    for name, frame in frames.items():
+        children[frame.parent] = min(silences[name], children.get(frame.parent, inf))
+    for anchor in trees:
+        found[anchor] = silences.get(anchor, children.get(anchor, 0.0))
+    return found
 
 
 def _preference(name: str) -> int:

@@ -55,7 +55,7 @@ class Playback:
         goal.on_update(self._on_goal)
         for label, key, action in (('Pause or play the bag', 'P', _PAUSE),
                                    ('Step back', 'B', _BACK), ('Step forward', 'N', _NEXT)):
-            gui.add_command(label, hotkey=key).on_trigger(partial(self._on_key, action))
+            gui.add_command(label, hotkey=key).on_trigger(partial(self._on_play, action=action))
 
     def _slider(self) -> Any:
         """Add the slider of the time, with marks at the findings."""
@@ -74,19 +74,13 @@ class Playback:
                 event.target.value * SECOND)))
 
     async def _on_goal(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._requests.append(partial(self._go_to, abbreviated(event.target.value)))
+        self._requests.append(partial(self._go_to, abbreviated(event.target.value)))
 
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
         self._player.speed = float(_SPEEDS[_SPEEDS.index(event.target.value)])
 
-    async def _on_play(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._act(event.target.value)
-
-    async def _on_key(self, action: str, _: Any) -> None:
-        self._act(action)
-
-    def _act(self, action: str) -> None:
+    async def _on_play(self, event: Any, action: str = '') -> None:
+        action = action or event.target.value
         if action in (_PAUSE, _PLAY):
             self._player.plays = not self._player.plays
         elif action in (_LOOP, _ONCE):

@@ -25,15 +25,23 @@ _STEPS = 4
 class RobotTab:
     """The controls of a `BodyDisplay`, lines about descriptions and meshes, and the joints."""
 
-    def __init__(self, gui: viser.GuiApi, tab: Any, settings: Settings,
+    def __init__(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle, settings: Settings,
                  joints: Optional[JointControls]) -> None:
-        """Add the controls to a tab."""
+        """Add the tab when there is a description, or at once if the joints come first."""
+        self._gui, self._tabs, self._settings, self._source = gui, tabs, settings, joints
+        self._controls: list[Any] = []  # of a `BodyDisplay`
+        self._joints: Optional[Joints] = None
+        if joints and joints.come_first:
+            self._add()
+
+    def _add(self) -> None:
+        gui, tab = self._gui, self._tabs.add_tab('Robot')
         with tab:
-            self._controls = [*map(settings.control, (
+            self._controls = [*map(self._settings.control, (
                 gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False),
                 gui.add_slider('Opacity', 0.1, 1.0, 0.05, 1.0)))]
             self._text = gui.add_html('', order=LAST)
-        self._joints = Joints(gui, tab, joints) if joints else None
+        self._joints = Joints(gui, tab, self._source) if self._source else None
 
     @property
     def display(self) -> BodyDisplay:
@@ -42,6 +50,10 @@ class RobotTab:
 
     def update(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
         """Show lines of text, and folded ones; and the joints."""
+        if lines[0] and not self._controls:
+            self._add()
+        if not self._controls:
+            return
         shown, folded = map(_joined, lines)
         if folded:
             shown += ('<details><summary>meshes that are not drawn</summary>'

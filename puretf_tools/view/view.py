@@ -18,10 +18,9 @@ from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes_and_trail import Display, Trail
 from puretf_tools.view.camera import FirstCamera, look_at, VIEWS
-from puretf_tools.view.controls import Settings
+from puretf_tools.view.controls import change, Settings
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
-from puretf_tools.view.findings import marks
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
@@ -102,7 +101,7 @@ class View:
                 if self._path is not None:
                     self.viewers[number].first_camera.extend(self._path)
             viewer = self.viewers[number]
-            if viewer.is_due:
+            if not viewer.pace.is_waiting:
                 viewer.update(place, until, now, descriptions)
         if not until and not place.cache_info().currsize:
             self._watcher.watch()
@@ -132,7 +131,7 @@ class Viewer:
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
         # For another `--view`, the browser has stored nothing yet.
-        self._pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
+        self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
         self._client, self._is_alone, self._is_restored = client, is_alone, False
         self._next_store = 0.0  # (s, monotonic clock)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
@@ -146,8 +145,6 @@ class Viewer:
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
         #: there are no frames.
         self._place_paused: Optional[Callable[[str, int], Placement]] = None
-        #: The frames that can be chosen.
-        self._names: dict[str, None] = {}
         self._use(feed.buffer)
         self._next_texts = 0.0  # the earliest time of their next update (s, monotonic clock)
         self.first_camera = FirstCamera(self._cameras)
@@ -162,30 +159,25 @@ class Viewer:
     def _restore(self) -> None:
         """Show what the browser has stored, or else what is shown at first."""
         self._is_restored = True
-        if self._pace.stored:
-            self._settings.restore(self._pace.stored)
+        if self.pace.stored:
+            self._settings.restore(self.pace.stored)
         else:
             self._settings.reset()
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
-        if self._pace.is_blocked:
+        if self.pace.is_blocked:
             self._client.add_notification('The view is not kept', 'This browser lets the page '
                                           'store nothing: reloading it begins again.')
 
     def _store(self, now: float) -> None:
-        if now >= self._next_store and not self._pace.is_blocked:
+        if now >= self._next_store and not self.pace.is_blocked:
             self._next_store = now + _STORE_PERIOD
-            self._pace.store(self._settings.as_json())
+            self.pace.store(self._settings.as_json())
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
-        self._pace.close()
+        self.pace.close()
         self._panel.hand_frame.stop()
-
-    @property
-    def is_due(self) -> bool:
-        """Whether the viewer has handled the last update, and may get the next one."""
-        return not self._pace.is_waiting
 
     def _place(self, place: Callable[[str, int], Placement], until: int) -> Placement:
         """Return the frames to show; while they are paused, those of a copy of the buffer."""
@@ -227,31 +219,29 @@ class Viewer:
         if not self._placement and not player:
             self._look_back(place)
         placement = self._placement = self._place(place, until)
-        # A bag is played again and again, so its frames stay in the dropdowns.
-        self._names = dict.fromkeys(
-            [*(self._names if self._feed.player else ()), *placement.names])
-        panel.set_frames(placement, [*self._names], now)
+        panel.set_frames(placement, now)
         self._take_clicks(placement)
         selected = panel.selected.value
         hidden = panel.tree.hidden(placement, panel.display.passes)
         display = panel.display.display(hidden)
-        panel.tree.update(placement, selected, hidden, marks(self._feed.findings), now)
+        panel.tree.update(placement, selected, hidden, self._feed.findings, now)
         panel.findings.update()
         self._scene.show(placement, display, {selected, *self._marked},
                          self._trail.pieces(placement, panel.trail.value, display), descriptions,
-                         panel.body, panel.follow.value, panel.follows_yaw.value,
+                         panel.robot.display, panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames)
-        panel.update_robots(self._scene.body.lines, now)
+        panel.robot.update(self._scene.body.lines, now)
         panel.pair.update(self._until, now)
         panel.hand_frame.update(placement)
         if now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD
-            panel.show_texts(
-                overview(placement, self._feed, panel.fixed.chosen, display.timeout),
-                details(placement, selected, self._feed, self._buffer))
+            change(panel.overview, content=overview(
+                placement, self._feed, panel.fixed.chosen, display.timeout))
+            change(panel.details, content=details(
+                placement, selected, self._feed, self._buffer))
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
-        self._pace.when_handled(self._scene.move)
+        self.pace.when_handled(self._scene.move)
         self._store(now)
 
     def _look_back(self, place: Callable[[str, int], Placement]) -> None:

@@ -325,14 +325,15 @@ def _check_page(buffer: TransformBuffer, frames: Any, authority: str, selected: 
     feed = BagFeed(buffer, authority or 'bag')
     placement = FrameWatcher(buffer).placement('')
     for text in (overview(placement, feed, selected),
-                 *(details(placement, name, feed) for name in [*placement.names[:3], selected])):
+                 *(details(placement, name, feed, feed.buffer)
+                   for name in [*placement.names[:3], selected])):
         check_lines(text, 60_000)
         page = _Page()
         page.feed(text)
         page.close()
     for name in placement.names[:3]:
         page = _Page()
-        page.feed(details(placement, name, feed))
+        page.feed(details(placement, name, feed, feed.buffer))
         page.close()
         if name in placement.frames:
             assert visible(placement.frames[name].parent) in page.text

@@ -218,7 +218,7 @@ class Page:
         """
         # Other viewers may not be read.
         for _ in range(20 if len(self.view.viewers) > 1 else 1000):
-            if all(viewer.is_due for viewer in self.view.viewers.values()):
+            if not any(viewer.pace.is_waiting for viewer in self.view.viewers.values()):
                 break
             with suppress(TimeoutError):
                 self.viewer.receive(0.01)

@@ -247,7 +247,7 @@ def test_a_hole(buffer):
     def text(seconds):
         feed.player.seek(T + seconds * S)
         placement = FrameWatcher(buffer).placement('map', feed.player.time)
-        return details(placement, 'tool', feed)
+        return details(placement, 'tool', feed, feed.buffer)
 
     assert 'interpolated' not in text(10)
     assert '>interpolated between +10.00 and +14.00 s: map -&gt; base has no data there<' in (

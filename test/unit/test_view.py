@@ -448,22 +448,22 @@ def test_texts():
     assert 'in a loop: ' in text
     assert 'other &lt;topics&gt;' in text
     assert '→ x\\n' in text
-    text = details(placement, 'b', feed)
+    text = details(placement, 'b', feed, feed.buffer)
     assert '<b data-value="parent">&lt;script&gt;</b>' in text
     assert '<td data-value="rate">50.0 Hz</td>' in text
     assert '<td data-value="delay">1.23 ms</td>' in text
     assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
     assert f'{T // S}.000000000 s' in text
     assert 'data-value="why">' not in text
-    assert 'Could not find a connection' in details(placement, 'tree', feed)
+    assert 'Could not find a connection' in details(placement, 'tree', feed, feed.buffer)
     buffer.clear()
-    text = details(placement, 'b', feed)  # as after a jump of time or a long pause
+    text = details(placement, 'b', feed, feed.buffer)  # as after a jump of time or a long pause
     assert 'parent' in text
     assert 'nan' not in text
     assert 'the fixed frame &lt;b&gt; is not available' in overview(placement, feed, fixed='<b>')
-    assert '&lt;i&gt; is not available.' in details(placement, '<i>', feed)
-    assert 'Click a frame' in details(placement, '', feed)
-    text = details(placement, 'map', feed)
+    assert '&lt;i&gt; is not available.' in details(placement, '<i>', feed, feed.buffer)
+    assert 'Click a frame' in details(placement, '', feed, feed.buffer)
+    text = details(placement, 'map', feed, feed.buffer)
     assert 'no parent: this is a root' in text
     assert '<b data-value="fixed">map</b>' in text
 
@@ -482,8 +482,9 @@ def test_texts_of_what_is_far():
     text = overview(placement, feed)
     assert 'more than 1,000,000 m away, drawn at that distance: &lt;far&gt;, tip<' in text
     assert 'not shown, since the translation is not finite: lost<' in text
-    assert '-translation">10000000.000  -2.500  0.000<' in details(placement, '<far>', feed)
-    text = details(placement, 'tip', feed)
+    text = details(placement, '<far>', feed, feed.buffer)
+    assert '-translation">10000000.000  -2.500  0.000<' in text
+    text = details(placement, 'tip', feed, feed.buffer)
     assert '"parent-translation">1.000  0.000  0.000<' in text
     assert '"fixed-translation">10000001.000  -2.500  0.000<' in text
     placement = placement._replace(ages=np.full(len(placement.names), 20.0))
@@ -1001,7 +1002,7 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
                 if event.client_id is None:
                     return
                 (drawn,) = shown.view.viewers.values()
-                if drawn.is_due:
+                if not drawn.pace.is_waiting:
                     shown.clock[0] += 1.0
                     shown.view.update()
                     done.append(event.target.label)
@@ -1024,7 +1025,7 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
               'Axis length (m)': 1.0, 'Publish': True}
     for label, value in values.items():
         shown.step()
-        viewer.until(lambda: all(each.is_due for each in shown.view.viewers.values()))
+        viewer.until(lambda: not any(each.pace.is_waiting for each in shown.view.viewers.values()))
         viewer.set(label, value)
         viewer.until(lambda: label in done)  # noqa: B023
     shown.until(lambda: publisher.sent == ['hand'])

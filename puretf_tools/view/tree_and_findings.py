@@ -1,16 +1,18 @@
-"""The tree of frames: a row for each of them, which folds, and a bar for the selected one."""
+"""The panel at the left: the tree of frames, and what `tf_doctor` finds wrong with them."""
 
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from math import inf
 from typing import Any
 
 import viser
 
-from puretf import shortened
+from puretf import comma_list, SECOND, shortened
+from puretf_tools.doctor.checks import Finding
 from puretf_tools.inspection.forest import Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import change, html, Row, Rows, Settings
+from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Placement
 
 #: The largest number of rows, and the time between two updates (s).
@@ -26,6 +28,9 @@ _SELECTED = ' ◀'
 _NAME, _SHORT_NAME, _DEEPEST = 28, 20, 8
 _HIDE, _SHOW, _HIDE_BRANCH, _SHOW_BRANCH, _FOCUS = (
     'hide', 'show', 'hide its branch', 'show its branch', 'focus')
+#: The largest number of findings, and of names in the title of one; and their colours.
+_MOST, _MOST_NAMES = 20, 3
+_SEVERITIES = {'error': (190, 30, 30), 'warning': (133, 100, 0), 'info': (28, 100, 190)}
 #: viser's buttons are twice as high, and centre their text. The search and the bar stay above the
 #: rows when these are scrolled; `.tf-tree` and `.tf-rows` are texts before them.
 _STYLE = """<style>
@@ -46,8 +51,10 @@ class Tree:
                  on_focus: Callable[[], Awaitable[object]]) -> None:
         """Add the controls to a tab; `on_focus` moves the camera to the selected frame."""
         self._on_focus = on_focus
-        self._next = 0.0  # the time of the next update (s, monotonic clock)
         self._selected = ''
+        #: What the shown rows depend on, and the time of their next update (s, monotonic clock).
+        self._key: tuple[object, ...] = ()
+        self._next = 0.0
         #: The frames that the viewer has hidden, and those hidden with all that is below them, and
         #: those whose children have no rows.
         self._hidden, self._hidden_branches, self._folded = map(
@@ -55,15 +62,11 @@ class Tree:
         with container:
             gui.add_html(f'<div class="tf-tree">{_STYLE}</div>')
             self._search = gui.add_text('Search', '')
-            self._search.on_update(self._on_search)
             self._bar = gui.add_button_group('', (_HIDE, _HIDE_BRANCH, _FOCUS))
             self._bar.on_click(self._on_bar)
             self._status = gui.add_html('')
         self._rows = Rows(gui, container)
         self.clicks: deque[str] = self._rows.clicks
-
-    async def _on_search(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._next = 0.0
 
     async def _on_bar(self, event: 'viser.GuiEvent[Any]') -> None:
         action, name = event.target.value, self._selected
@@ -74,7 +77,6 @@ class Tree:
             hidden.discard(name)
         elif name:
             hidden.add(name)
-        self._next = 0.0
 
     def hidden(self, placement: Placement, passes: Callable[[str], bool]) -> frozenset[str]:
         """Return the frames that are not to be drawn; `passes`: whether a name passes filters."""
@@ -86,29 +88,23 @@ class Tree:
     def fold(self, name: str) -> None:
         """Fold the row of a frame, or unfold it."""
         self._folded ^= {name}
-        self._next = 0.0
 
     def unfold(self, placement: Placement, name: str) -> None:
         """Let a frame have a row."""
         self._folded.difference_update([*self_and_ancestors(name, placement.frames)][1:])
 
     def update(self, placement: Placement, selected: str, hidden: frozenset[str],
-               marks: Mapping[str, str], now: float) -> None:
-        """
-        Show the rows, twice a second at most.
-
-        :param marks: by frame: what is wrong with it.
-        :param now: on the monotonic clock (s).
-        """
-        if selected != self._selected:
-            self._selected, self._next = selected, 0.0
-        if now < self._next:
+               findings: Sequence[Finding], now: float) -> None:
+        """Show the rows: at once if the viewer has changed something, and twice a second."""
+        key = selected, self._search.value, hidden, frozenset(self._folded), (
+            selected in self._hidden, selected in self._hidden_branches)
+        if now < self._next and key == self._key:
             return
-        self._next = now + _PERIOD
+        self._selected, self._key, self._next = selected, key, now + _PERIOD
         change(self._bar, label=shortened(selected, _SHORT_NAME), options=(
             _SHOW if selected in self._hidden else _HIDE,
             _SHOW_BRANCH if selected in self._hidden_branches else _HIDE_BRANCH, _FOCUS))
-        rows = [*self._tree(placement, selected, hidden, marks)]
+        rows = [*self._tree(placement, selected, hidden, findings)]
         status = f'{len(rows)} of {len(placement.names)} frames' + (
             f'; {len(rows) - _ROWS} more have no row: search, or fold some'
             * (len(rows) > _ROWS))
@@ -116,12 +112,14 @@ class Tree:
         self._rows.show(rows[:_ROWS])
 
     def _tree(self, placement: Placement, selected: str, hidden: frozenset[str],
-              marks: Mapping[str, str]) -> Iterator[Row]:
+              findings: Sequence[Finding]) -> Iterator[Row]:
         lines = [*Forest(placement.frames.values()).lines()]
         parents = {frame.parent for frame in placement.frames.values()}
-        wanted = str(self._search.value).lower()
+        wanted = self._search.value.lower()
         found = {each for line in lines if wanted in line.name.lower()
                  for each in self_and_ancestors(line.name, placement.frames)} if wanted else None
+        marks = {frame: f'  ⚠ {finding.code}' for finding in reversed(findings)  # the worst
+                 for frame in finding.frames}
         folded_at = inf
         for line in lines:
             if line.level <= folded_at:
@@ -139,7 +137,39 @@ class Tree:
                       or frame.is_static else next(
                           colour for colour, age in _COLOURS if silence <= age))
             fold = ' ' if line.name not in parents else '▸' if is_folded else '▾'
-            mark = f'  ⚠ {marks[line.name]}' if line.name in marks else ''
             yield Row(line.name, f'{"  " * min(line.level, _DEEPEST)}{fold} '
-                      f'{shortened(line.name, _NAME)}  {rate}{mark}'
+                      f'{shortened(line.name, _NAME)}  {rate}{marks.get(line.name, "")}'
                       f'{_SELECTED * (line.name == selected)}', colour)
+
+
+class Findings:
+    """A button and a text for each finding."""
+
+    def __init__(self, gui: viser.GuiApi, container: Any, feed: Feed) -> None:
+        """Add the controls to a tab."""
+        self._feed = feed
+        with container:
+            self._verdict = gui.add_html('')
+        self._rows = Rows(gui, container)
+        self.clicks: deque[Finding] = self._rows.clicks
+        self._shown: Sequence[Finding] = ()
+
+    def update(self) -> None:
+        """Show what is new."""
+        findings, verdict = self._feed.findings, self._feed.verdict
+        if len(findings) > _MOST:
+            verdict += f' (the first {_MOST} are below)'
+        change(self._verdict, content=html(verdict or 'not examined yet', 'verdict'))
+        if findings is not self._shown:
+            self._shown = findings
+            self._rows.show([Row(
+                finding, self._title(finding), _SEVERITIES[finding.severity],
+                html(f'{finding.evidence.rstrip(".")}. {finding.remedy}', 'finding'))
+                for finding in findings[:_MOST]])
+
+    def _title(self, finding: Finding) -> str:
+        names = comma_list(finding.frames or finding.topics, _MOST_NAMES, shortened)
+        player = self._feed.player
+        time = f'{(finding.time - player.begin) / SECOND:+.2f} s: ' if player and (
+            player.begin <= finding.time <= player.end) else ''
+        return f'{time}{finding.code}: {names}'
