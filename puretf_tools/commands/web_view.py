@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 import json
 from math import ceil
 from pathlib import Path
@@ -39,7 +40,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
     if duration is not None and export is None:
         raise UsageError('--time needs --export')
-    first = '' if view is None else _read_view(view)
+    show = partial(_show, host, port, meshes, '' if view is None else _read_view(view))
     path = None if export is None else path_to_write(export, ['.html'])
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if bag:
@@ -51,7 +52,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             feed.update()
             _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
         else:
-            _show_bag(bag, feed, host, port, meshes, first)
+            _show_bag(bag, feed, show)
     else:
         from puretf_tools.cli.node import spinning_node
         with spinning_node('web_view', ros_args, namespace) as node:
@@ -60,7 +61,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             if path:
                 _export(recorded_live(live, seconds, meshes), live, path)
             else:
-                _show(live, host, port, meshes, first)
+                show(live)
     return 0
 
 
@@ -78,8 +79,7 @@ def _read_view(path: str) -> str:
                        'that it shows in a file')
 
 
-def _show_bag(bag: BagOption, feed: BagFeed, host: str, port: Optional[int],
-              meshes: Sequence[str], view: str) -> None:
+def _show_bag(bag: BagOption, feed: BagFeed, show: Callable[..., None]) -> None:
     """Serve the page of a bag, which a thread reads meanwhile."""
     def on_progress(done: float) -> None:
         check_signals()
@@ -94,7 +94,7 @@ def _show_bag(bag: BagOption, feed: BagFeed, host: str, port: Optional[int],
     with bag.opened(on_progress) as opened:
         reading = Thread(target=read, daemon=True)
         try:
-            _show(feed, host, port, meshes, view, reading.start)
+            show(feed, reading.start)
         finally:
             if reading.ident:
                 reading.join(_LONGEST_END)
@@ -153,7 +153,7 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
     print(f'wrote {visible(str(path))}: {duration:.1f} s')
 
 
-def _show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str], view: str,
+def _show(host: str, port: Optional[int], meshes: Sequence[str], view: str, feed: Feed,
           on_served: Callable[[], object] = lambda: None) -> None:
     from puretf_tools.view.server import serve  # first, since it says if viser is missing
     from puretf_tools.view.view import show

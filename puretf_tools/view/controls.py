@@ -82,12 +82,12 @@ class Settings:
             self._restore(name)
         return ''
 
-    def reset(self) -> None:
-        """Set all to what it was at first."""
+    def reset(self, text: str = '') -> None:
+        """Set all to what it was at first, or to what a line of JSON says."""
         self._wanted = {}
         for kept in self._kept.values():
             kept.write(kept.default)
-        self.restore(self._first or '{}')
+        self.restore(text or self._first or '{}')
 
     def _restore(self, name: str) -> None:
         if (kept := self._kept.get(name)) and type(
@@ -200,12 +200,11 @@ class Rows:
                 if row.text:
                     self._texts.append(self._gui.add_html(''))
         for row, button in zip(rows, self._buttons):
-            change(button, label=row.label, color=row.colour)
+            change(button, label=row.label, color=row.colour, visible=True)
         for row, text in zip(rows, self._texts):
-            change(text, content=row.text)
-        for handles in self._buttons, self._texts:
-            for i, handle in enumerate(handles):
-                change(handle, visible=i < len(rows))
+            change(text, content=row.text, visible=True)
+        for unused in *self._buttons[len(rows):], *self._texts[len(rows):]:
+            change(unused, visible=False)
 
 
 def change(handle: Any, **values: Any) -> None:

@@ -82,8 +82,7 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
                  f'<span data-value="hole">{escaped(hole)}</span></td></tr>')
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
-    if target != placement.fixed and (
-            why := buffer.why_not(placement.fixed, name, 0)):
+    if target != placement.fixed and (why := buffer.why_not(placement.fixed, name, 0)):
         rows += ('<tr><td colspan="2" style="padding-top: .4em">not in the fixed frame: '
                  f'<span data-value="why">{escaped(why)}</span></td></tr>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'

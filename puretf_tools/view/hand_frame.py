@@ -13,15 +13,12 @@ from puretf_tools.view.controls import change, Choice, copied, FrameChoice, html
 from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
-from puretf_tools.view.viser_private import HANDLES
-
-Vector = tuple[float, float, float]
+from puretf_tools.view.viser_private import HANDLES, Vector
 
 #: The size of the handles (m).
 _SIZE = 0.3
 #: Numbers are rounded to these digits: 1 mm, 0.01°.
 _DIGITS, _ANGLE_DIGITS = 3, 2
-_LIMITS = ((-REACH, REACH),) * 3
 _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
@@ -56,7 +53,7 @@ class HandFrame:
         self._text = gui.add_html('')
         self._parent_node = scene.add_frame(HANDLES.rpartition('/')[0], show_axes=False)
         self._handles = scene.add_transform_controls(
-            HANDLES, _SIZE, translation_limits=_LIMITS, depth_test=False, visible=False)
+            HANDLES, _SIZE, depth_test=False, visible=False)
         self._handles.on_update(self._on_drag)
 
     async def _on_name(self, event: 'viser.GuiEvent[Any]') -> None:

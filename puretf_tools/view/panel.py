@@ -52,7 +52,7 @@ class Panel:
             self._pause = gui.add_checkbox('Pause', False)
             self._back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
             self._pause.on_update(self._on_pause)
-            gui.add_button_group('Transforms', ('reset',)).on_click(self._on_reset)
+            gui.add_button_group('Transforms', ('reset',)).on_click(lambda _: feed.reset())
             self._add_key('Pause or resume', 'P', self._on_pause_key)
             for label, key, step in (('Step back', 'B', _STEP), ('Step forward', 'N', -_STEP)):
                 self._add_key(label, key, partial(self._on_step, step))
@@ -115,9 +115,6 @@ class Panel:
     async def _on_reset_view(self, _: Any) -> None:
         self._settings.reset()
 
-    async def _on_reset(self, _: Any) -> None:
-        self._feed.reset()
-
     async def _on_view(self, event: Any, view: str = '') -> None:
         await self._look_from(view or event.target.value)
 
@@ -160,7 +157,8 @@ class Panel:
         self.follow.propose(self._feed.follow)
         # While the first dynamic frames appear, the proposal follows the deepest one; then it
         # stays.
-        if self._settled is None and placement.is_moving:
+        if self._settled is None and not all(
+                frame.is_static for frame in placement.frames.values()):
             self._settled = now + SETTLING
         if now <= (self._settled or now) or self._proposal not in placement.names:
             self._proposal = placement.deepest

@@ -62,11 +62,6 @@ class Placement(NamedTuple):
     gone: int  #: the number of frames that have left the page; see `GONE`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
 
-    @property
-    def is_moving(self) -> bool:
-        """True if there is a dynamic frame."""
-        return not all(frame.is_static for frame in self.frames.values())
-
     def anchor_of(self, name: str) -> tuple[str, float]:
         """Return the anchor of the tree with a frame, and its y in the scene (m)."""
         for ancestor in self_and_ancestors(name, self.frames):

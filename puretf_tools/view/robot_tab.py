@@ -56,8 +56,7 @@ class RobotTab:
             return
         shown, folded = map(_joined, lines)
         if folded:
-            shown += ('<details><summary>meshes that are not drawn</summary>'
-                      f'{folded}</details>')
+            shown += f'<details><summary>meshes that are not drawn</summary>{folded}</details>'
         change(self._text, content=f'<div style="{STYLE}" data-text="robot">{shown}</div>')
         if self._joints:
             self._joints.update(now)
@@ -74,8 +73,8 @@ class _Slider:
 
     def __init__(self, gui: viser.GuiApi, joint: Joint, position: float) -> None:
         self.joint, is_linear = joint, joint.kind == 'prismatic'
-        self._scale = 1.0 if is_linear else degrees(1.0)
-        lower, upper = (bound * self._scale for bound in bounds(joint))
+        self.scale = 1.0 if is_linear else degrees(1.0)
+        lower, upper = (bound * self.scale for bound in bounds(joint))
         width = upper - lower if upper - lower > 1e-9 else 1.0
         self._digits = max(0, _STEPS - 1 - floor(log10(width)))
         self.shown = self._rounded(position)
@@ -85,11 +84,7 @@ class _Slider:
             round(upper, self._digits), 10.0**-self._digits, self.shown)
 
     def _rounded(self, position: float) -> float:
-        return round(position * self._scale, self._digits)
-
-    def position(self, value: float) -> float:
-        """Return the position (rad or m) of a value."""
-        return value / self._scale
+        return round(position * self.scale, self._digits)
 
     def show(self, position: float) -> None:
         if self.shown != (value := self._rounded(position)):
@@ -133,7 +128,7 @@ class Joints:
             for slider in self._sliders:
                 if slider.handle is event.target and control:
                     slider.shown = event.target.value
-                    control.set(slider.joint.name, slider.position(slider.shown))
+                    control.set(slider.joint.name, slider.shown / slider.scale)
 
     def update(self, now: float) -> None:
         """Show the robots and the positions; `now`: on the monotonic clock (s)."""

@@ -15,6 +15,7 @@ from puretf_tools.inspection.forest import descend
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes_and_trail import Axes, axes, Display, lines, Pieces, rounded
 from puretf_tools.view.body import Body, BodyDisplay
+from puretf_tools.view.controls import change
 from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
@@ -163,19 +164,16 @@ class Scene:
                 float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))
 
     def _show_axes(self, new: Axes, size: float, are_visible: bool) -> None:
-        if not len(new.positions):
-            if self._axes is not None:
-                self._axes.visible = False
-            return
         if self._axes is None:
+            if not len(new.positions):
+                return
             self._axes = self._scene.add_batched_axes(
-                f'{WORLD}/frames', new.wxyzs, new.positions, new.scales, axes_length=size,
-                axes_radius=size * _AXIS_RADIUS)
-        for name, values in new._asdict().items():
-            setattr(self._axes, f'batched_{name}', values.astype(np.float32))
-        if size != self._axes.axes_length:
-            self._axes.axes_length, self._axes.axes_radius = size, size * _AXIS_RADIUS
-        self._axes.visible = are_visible
+                f'{WORLD}/frames', new.wxyzs, new.positions, new.scales)
+        change(self._axes, axes_length=size, axes_radius=size * _AXIS_RADIUS,
+               visible=are_visible and len(new.positions) > 0)
+        if self._axes.visible:
+            for name, values in new._asdict().items():
+                setattr(self._axes, f'batched_{name}', values.astype(np.float32))
 
     def _show_segments(self, name: str, points: NDArray[np.float64], colours: NDArray[np.uint8],
                        width: float, are_visible: bool) -> None:

@@ -1,6 +1,5 @@
 """The panel at the left: the tree of frames, and what `tf_doctor` finds wrong with them."""
 
-from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from math import inf
 from typing import Any
@@ -65,8 +64,7 @@ class Tree:
             self._bar = gui.add_button_group('', (_HIDE, _HIDE_BRANCH, _FOCUS))
             self._bar.on_click(self._on_bar)
             self._status = gui.add_html('')
-        self._rows = Rows(gui, container)
-        self.clicks: deque[str] = self._rows.clicks
+        self.rows = Rows(gui, container)
 
     async def _on_bar(self, event: 'viser.GuiEvent[Any]') -> None:
         action, name = event.target.value, self._selected
@@ -109,7 +107,7 @@ class Tree:
             f'; {len(rows) - _ROWS} more have no row: search, or fold some'
             * (len(rows) > _ROWS))
         change(self._status, content=f'<div class="tf-rows">{html(status, "tree")}</div>')
-        self._rows.show(rows[:_ROWS])
+        self.rows.show(rows[:_ROWS])
 
     def _tree(self, placement: Placement, selected: str, hidden: frozenset[str],
               findings: Sequence[Finding]) -> Iterator[Row]:
@@ -150,8 +148,7 @@ class Findings:
         self._feed = feed
         with container:
             self._verdict = gui.add_html('')
-        self._rows = Rows(gui, container)
-        self.clicks: deque[Finding] = self._rows.clicks
+        self.rows = Rows(gui, container)
         self._shown: Sequence[Finding] = ()
 
     def update(self) -> None:
@@ -162,7 +159,7 @@ class Findings:
         change(self._verdict, content=html(verdict or 'not examined yet', 'verdict'))
         if findings is not self._shown:
             self._shown = findings
-            self._rows.show([Row(
+            self.rows.show([Row(
                 finding, self._title(finding), _SEVERITIES[finding.severity],
                 html(f'{finding.evidence.rstrip(".")}. {finding.remedy}', 'finding'))
                 for finding in findings[:_MOST]])

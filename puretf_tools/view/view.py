@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from queue import SimpleQueue
 from threading import Thread
 from time import monotonic
@@ -151,28 +151,18 @@ class Viewer:
         self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore,
                            list)
         if feed.player:
-            self._settings.add('Time', lambda: self._until, self._go_to, int)
-
-    def _go_to(self, time: int) -> None:
-        self._goal = time
+            self._settings.add('Time', lambda: self._until, partial(
+                setattr, self, '_goal'), int)
 
     def _restore(self) -> None:
         """Show what the browser has stored, or else what is shown at first."""
         self._is_restored = True
-        if self.pace.stored:
-            self._settings.restore(self.pace.stored)
-        else:
-            self._settings.reset()
+        self._settings.reset(self.pace.stored or '')
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
         if self.pace.is_blocked:
             self._client.add_notification('The view is not kept', 'This browser lets the page '
                                           'store nothing: reloading it begins again.')
-
-    def _store(self, now: float) -> None:
-        if now >= self._next_store and not self.pace.is_blocked:
-            self._next_store = now + _STORE_PERIOD
-            self.pace.store(self._settings.as_json())
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
@@ -242,7 +232,9 @@ class Viewer:
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self.pace.when_handled(self._scene.move)
-        self._store(now)
+        if now >= self._next_store and not self.pace.is_blocked:
+            self._next_store = now + _STORE_PERIOD
+            self.pace.store(self._settings.as_json())
 
     def _look_back(self, place: Callable[[str, int], Placement]) -> None:
         """Let the first camera show where live frames have been."""
@@ -254,8 +246,8 @@ class Viewer:
     def _take_clicks(self, placement: Placement) -> None:
         """Select what the viewer has clicked in the tree, in the scene and in the findings."""
         panel, scene = self._panel, self._scene
-        if panel.findings.clicks:
-            finding = panel.findings.clicks.pop()
+        if panel.findings.rows.clicks:
+            finding = panel.findings.rows.clicks.pop()
             self._marked = finding.frames
             panel.selected.choose(next(iter(finding.frames), panel.selected.value))
             panel.tree.unfold(placement, panel.selected.value)
@@ -263,8 +255,8 @@ class Viewer:
                 self._feed.player.stop_at(finding.time)
         if scene.shift_clicks:
             panel.pair.choose(panel.selected.value, scene.shift_clicks.pop())
-        if panel.tree.clicks:
-            if (name := panel.tree.clicks.pop()) == panel.selected.value:
+        if panel.tree.rows.clicks:
+            if (name := panel.tree.rows.clicks.pop()) == panel.selected.value:
                 panel.tree.fold(name)
             panel.selected.choose(name)
             self._marked = ()

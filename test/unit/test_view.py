@@ -1044,7 +1044,7 @@ def test_a_viewer_that_leaves_publishes_no_more(page):
     feed.hand_publisher = publisher
     shown = page(feed)
     other = Viewer(shown.server.get_port())
-    other.until(lambda: 'New frame' in {
+    other.until(lambda: 'Publish' in {
         props.get('label') for props in other.gui.values()}, shown.update)
     other.set('New frame', 'hand')
     other.set('Publish', True)
