@@ -84,7 +84,7 @@ class RecentFindings:
         static, dynamic = listener.topics
         end = listener.now()
         report = examine(Observation(
-            statistics, f'in {now - self._begin:.0f} s', (dynamic, static),
+            statistics, '', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
             other_transforms=other_transforms, not_known={**_NOT_KNOWN, **(
                 {} if end else {'arrivals': 'no message has arrived on /clock'})},
@@ -92,6 +92,8 @@ class RecentFindings:
         self._found = {key: each for key, each in self._found.items() if each[1] > now - _LENGTH}
         self._found.update({(finding.code, finding.frames): (finding, now)
                             for finding in report.findings if finding.code != 'no_transforms'})
-        self.findings = sorted((finding for finding, _ in self._found.values()),
-                               key=lambda finding: SEVERITIES.index(finding.severity))
-        self.verdict = report.verdict
+        self.findings = sorted((finding for finding, _ in self._found.values()), key=lambda each: (
+            SEVERITIES.index(each.severity), each.code, each.frames))
+        count = len(self.findings)
+        self.verdict = (f'{count} finding{"" if count == 1 else "s"}' if count else 'healthy') + (
+            f' in the last {_LENGTH:.0f} s')

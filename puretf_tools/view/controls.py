@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from html import escape
 import json
 from typing import Any, NamedTuple, Optional
@@ -71,12 +72,11 @@ class Settings:
 
     def restore(self, text: str) -> str:
         """Set what a line of JSON says, and return ''; or set nothing, and return why."""
-        try:
+        values = None
+        with suppress(ValueError, RecursionError):
             values = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            return f'this is no view: {error}'
         if not isinstance(values, dict):
-            return 'this is no view: it must be an object in JSON, as "Copy view" writes it'
+            return 'this is no view: paste the line that "Copy view" shows'
         self._wanted = values
         for name in values:
             self._restore(name)
@@ -220,8 +220,9 @@ def html(text: str, key: str) -> str:
 
 
 def copied(text: str, key: str) -> str:
-    """Return in HTML a text that a click selects."""
-    return f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
+    """Return in HTML a text that a click selects and, from this machine or by HTTPS, copies."""
+    return (f'<pre style="{_COPIED}" data-text="{key}" '
+            f'onclick="navigator.clipboard?.writeText(this.textContent)">{escape(text)}</pre>')
 
 
 def escaped(text: str) -> str:

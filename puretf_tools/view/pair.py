@@ -51,6 +51,11 @@ class Pair:
         self._updates: dict[str, tuple[int, float]] = {}
 
     @property
+    def line(self) -> tuple[str, ...]:
+        """The two frames, if there is a transform between them."""
+        return self.frames if self._shown else ()
+
+    @property
     def frames(self) -> tuple[str, str]:
         """The two frames; '': it is not chosen."""
         a, b = self.choices

@@ -7,7 +7,7 @@ from typing import Any
 import viser
 
 from puretf import comma_list, SECOND, shortened
-from puretf_tools.doctor.checks import Finding
+from puretf_tools.doctor.checks import ERROR, Finding
 from puretf_tools.inspection.forest import Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import change, html, Row, Rows, Settings
@@ -24,11 +24,12 @@ _STATIC, _HIDDEN = (28, 100, 190), (60, 60, 65)
 _SELECTED = ' ◀'
 #: The number of characters of a name in a row, and in the bar; the number of levels that are
 #: indented.
-_NAME, _SHORT_NAME, _DEEPEST = 28, 20, 8
+_NAME, _SHORT_NAME, _DEEPEST = 28, 20, 20
 _HIDE, _SHOW, _HIDE_BRANCH, _SHOW_BRANCH, _FOCUS = (
     'hide', 'show', 'hide its branch', 'show its branch', 'focus')
-#: The largest number of findings, and of names in the title of one; and their colours.
-_MOST, _MOST_NAMES = 20, 3
+#: The largest numbers of findings, of names in the title of one, and of rows that one marks; and
+#: their colours.
+_MOST, _MOST_NAMES, _MOST_MARKS = 20, 3, 10
 _SEVERITIES = {'error': (190, 30, 30), 'warning': (133, 100, 0), 'info': (28, 100, 190)}
 #: viser's buttons are twice as high, and centre their text. The search and the bar stay above the
 #: rows when these are scrolled; `.tf-tree` and `.tf-rows` are texts before them.
@@ -116,8 +117,9 @@ class Tree:
         wanted = self._search.value.lower()
         found = {each for line in lines if wanted in line.name.lower()
                  for each in self_and_ancestors(line.name, placement.frames)} if wanted else None
-        marks = {frame: f'  ⚠ {finding.code}' for finding in reversed(findings)  # the worst
-                 for frame in finding.frames}
+        marks = {frame: f'  {"✖" if finding.severity == ERROR else "⚠"} {finding.code}'
+                 for finding in reversed(findings)  # the worst comes last
+                 for frame in finding.frames if len(finding.frames) <= _MOST_MARKS}
         folded_at = inf
         for line in lines:
             if line.level <= folded_at:
@@ -136,7 +138,7 @@ class Tree:
                           colour for colour, age in _COLOURS if silence <= age))
             fold = ' ' if line.name not in parents else '▸' if is_folded else '▾'
             yield Row(line.name, f'{"  " * min(line.level, _DEEPEST)}{fold} '
-                      f'{shortened(line.name, _NAME)}  {rate}{marks.get(line.name, "")}'
+                      f'{shortened(line.name, _NAME)}{marks.get(line.name, "")}  {rate}'
                       f'{_SELECTED * (line.name == selected)}', colour)
 
 
@@ -161,8 +163,7 @@ class Findings:
             self._shown = findings
             self.rows.show([Row(
                 finding, self._title(finding), _SEVERITIES[finding.severity],
-                html(f'{finding.evidence.rstrip(".")}. {finding.remedy}', 'finding'))
-                for finding in findings[:_MOST]])
+                html(_text(finding), 'finding')) for finding in findings[:_MOST]])
 
     def _title(self, finding: Finding) -> str:
         names = comma_list(finding.frames or finding.topics, _MOST_NAMES, shortened)
@@ -170,3 +171,8 @@ class Findings:
         time = f'{(finding.time - player.begin) / SECOND:+.2f} s: ' if player and (
             player.begin <= finding.time <= player.end) else ''
         return f'{time}{finding.code}: {names}'
+
+
+def _text(finding: Finding) -> str:
+    nodes = f'Sent by {comma_list(finding.nodes, _MOST_NAMES)}. ' if finding.nodes else ''
+    return f'{finding.evidence.rstrip(".")}. {nodes}{finding.remedy}'

@@ -71,7 +71,7 @@ class Page:
 
     def text(self, key):
         """Return a text; '' if it is not shown."""
-        found = self.viewer.text(key).partition(f'data-text="{key}">')[2]
+        found = self.viewer.text(key).partition(f'data-text="{key}"')[2].partition('>')[2]
         return unescape(found.partition('<')[0])
 
 

@@ -89,8 +89,7 @@ def test_a_healthy_tree(listened):
     """Nothing is found, also after minutes, though the static transform was sent once."""
     for _ in range(40):
         assert not listened.after(3.1)
-    assert listened.recent.verdict.startswith('healthy: ')
-    assert ' of 4 frames in ' in listened.recent.verdict
+    assert listened.recent.verdict == 'healthy in the last 30 s'
 
 
 def test_a_frame_that_is_sent_seldom(listened):
@@ -141,12 +140,12 @@ def test_half_of_a_robot_in_a_namespace(listened):
 
 def test_messages_that_were_lost(listened):
     """They are no gap: the statistics begin again, with the static transforms."""
+    listened.publishers['pole'] = 'map', 'pole', 20
     for _ in range(4):
         listened.after(3.1)
         listened.waiting = []  # lost
         listened.listener.time += 5 * S
-        assert not listened.after(3.1, is_complete=False)
-        assert ' of 4 frames in ' in listened.recent.verdict
+        assert not listened.after(3.1, is_complete=False)  # such as several_trees
 
 
 def test_the_rest_after_an_examination(listened, monkeypatch):
