@@ -168,7 +168,8 @@ class Scene:
             if not len(new.positions):
                 return
             self._axes = self._scene.add_batched_axes(
-                f'{WORLD}/frames', new.wxyzs, new.positions, new.scales)
+                f'{WORLD}/frames', new.wxyzs, new.positions, new.scales,
+                axes_length=size, axes_radius=size * _AXIS_RADIUS)
         change(self._axes, axes_length=size, axes_radius=size * _AXIS_RADIUS,
                visible=are_visible and len(new.positions) > 0)
         if self._axes.visible:
