@@ -28,31 +28,33 @@ def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float =
     if placement.names and feed.hint:
         lines.append(escaped(feed.hint))
     if timed_out:
-        lines.append(f'not shown, because no transform with a newer stamp has arrived for '
-                     f'{timeout:g} s on the path to: {comma_list(timed_out, _MAX_NAMES, escaped)}')
+        lines.append('not shown, because no transform with a newer stamp has arrived for '
+                     f'{timeout:g} s on the path to: {_list(timed_out)}')
     if placement.gone:
         lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
                      'update for a minute: not shown')
     if placement.left_out:
         total = len(placement.names) + len(placement.not_finite) + len(placement.left_out)
         lines.append(f'only {MAX_FRAMES} of {total} frames are shown, not: '
-                     f'{comma_list(placement.left_out, _MAX_NAMES, escaped)}')
+                     f'{_list(placement.left_out)}')
     if fixed not in ('', placement.fixed):
         lines.append(f'the fixed frame {escaped(fixed)} is not available' + (
             f'; instead of it: {escaped(placement.fixed)}' if placement.fixed else ''))
     if len(placement.trees) > 1:
         others = [name for name in placement.trees if name != placement.fixed]
-        lines.append(f'not connected to {escaped(placement.fixed)}: '
-                     f'{comma_list(others, _MAX_NAMES, escaped)}')
+        lines.append(f'not connected to {escaped(placement.fixed)}: {_list(others)}')
     if far := [name for name in placement.far if name not in {*timed_out}]:
-        lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: '
-                     f'{comma_list(far, _MAX_NAMES, escaped)}')
+        lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: {_list(far)}')
     if placement.not_finite:
         lines.append('not shown, since the translation is not finite: '
-                     f'{comma_list(placement.not_finite, _MAX_NAMES, escaped)}')
+                     + _list(placement.not_finite))
     lines += [f'in a loop: {" → ".join(map(escaped, [*loop, loop[0]]))}'
               for loop in placement.loops]
     return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
+
+
+def _list(names: list[str]) -> str:
+    return comma_list(names, _MAX_NAMES, escaped)
 
 
 def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> str:

@@ -40,8 +40,8 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 _REST = 4.0
 #: How long a viewer waits for what the browser has stored (s).
 _PATIENCE = 5.0
-#: The number of moments of a bag that the first camera shows.
-_MOMENTS = 30
+#: The number of moments that the first camera shows.
+_MOMENTS = 20
 
 
 def show(feed: Feed, server: Server, meshes: Sequence[str] = (), view: str = '',
@@ -73,14 +73,12 @@ class View:
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
-        #: Where the frames of a bag are at some moments: (n, 3) (m); None: not known yet.
-        self._path: Optional[NDArray[np.float64]] = None
         self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
 
     def update(self) -> None:
         """Read the feed and the panels, and update what each viewer sees."""
-        now = self._clock()
+        now, player = self._clock(), self._feed.player
         clients = self._server.get_clients()
         until = self._playback.update(clients.values()) if self._playback else 0
         if clients and now >= self._next_watch:
@@ -98,28 +96,25 @@ class View:
                 self.viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes, self._first,
                     is_alone=len(clients) == 1)
-                if self._path is not None:
-                    self.viewers[number].first_camera.extend(self._path)
             viewer = self.viewers[number]
+            if not viewer.has_path and (not player or (player.is_whole and player.length)):
+                viewer.has_path = True
+                viewer.first_camera.extend(self._path())
             if not viewer.pace.is_waiting:
                 viewer.update(place, until, now, descriptions)
         if not until and not place.cache_info().currsize:
             self._watcher.watch()
-        self._follow_the_bag()
 
-    def _follow_the_bag(self) -> None:
-        """When the bag has been read, let the first cameras show where its frames go."""
-        player = self._feed.player
-        if self._path is not None or not (
-                player and player.is_whole and player.length and self.viewers):
-            return
-        placements = [self._watcher.placement('', time) for time in np.linspace(
-            player.begin, player.end, _MOMENTS).astype(np.int64).tolist()]
-        self._path = np.concatenate([np.empty((0, 3)), *(
-            placement.points[[name not in placement.far for name in placement.names]]
-            for placement in placements)])
-        for viewer in self.viewers.values():
-            viewer.first_camera.extend(self._path)
+    def _path(self) -> NDArray[np.float64]:
+        """Return where the frames go in a bag, or have been in the last seconds: (n, 3) (m)."""
+        if player := self._feed.player:
+            times = np.linspace(player.begin, player.end, _MOMENTS)
+        else:
+            end = max((frame.latest for frame in self._feed.buffer.frames()), default=0)
+            times = np.maximum(1, np.linspace(end - 2 * LENGTH * SECOND, end, _MOMENTS))
+        return np.concatenate([placement.points[
+            [name not in placement.far for name in placement.names]] for placement in (
+                self._watcher.placement('', time) for time in times.astype(np.int64).tolist())])
 
 
 class Viewer:
@@ -133,6 +128,7 @@ class Viewer:
         # For another `--view`, the browser has stored nothing yet.
         self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
         self._client, self._is_alone, self._is_restored = client, is_alone, False
+        self.has_path = False  #: whether the first camera knows where the frames go
         self._next_store = 0.0  # (s, monotonic clock)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
@@ -206,8 +202,6 @@ class Viewer:
         if self._goal and player and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
-        if not self._placement and not player:
-            self._look_back(place)
         placement = self._placement = self._place(place, until)
         panel.set_frames(placement, now)
         self._take_clicks(placement)
@@ -235,13 +229,6 @@ class Viewer:
         if now >= self._next_store and not self.pace.is_blocked:
             self._next_store = now + _STORE_PERIOD
             self.pace.store(self._settings.as_json())
-
-    def _look_back(self, place: Callable[[str, int], Placement]) -> None:
-        """Let the first camera show where live frames have been."""
-        end = max((frame.latest for frame in self._buffer.frames()), default=0)
-        for time in range(end - 2 * LENGTH * SECOND, end, 4 * SECOND):
-            past = place(self._panel.fixed.chosen, max(1, time))
-            self.first_camera.extend(self._scene.seen(past, past.names))
 
     def _take_clicks(self, placement: Placement) -> None:
         """Select what the viewer has clicked in the tree, in the scene and in the findings."""

@@ -919,8 +919,8 @@ def test_the_first_camera_shows_where_frames_have_been(page):
     for second in range(41):
         buffer.insert(T + second * S, 'map', 'base', pose(-float(second) if second < 30 else 0.0))
     shown = page(live(buffer))
-    shown.until(lambda: shown.viewer.distance() > 50.0)
-    assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] < -13.0
+    shown.until(lambda: shown.viewer.distance() > 40.0)
+    assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] < -11.0
 
 
 def test_focus_without_frames(page):
