@@ -48,8 +48,7 @@ class HandFrame:
         self._angles = gui.add_vector3('RPY (°)', _ZERO, step=10.0**-_ANGLE_DIGITS)
         for control in self._position, self._angles:
             control.on_update(self._on_numbers)
-        self._is_on = Choice(gui.add_checkbox(
-            'Publish', False, visible=publisher is not None))
+        self._is_on = Choice(gui.add_checkbox('Publish', False, visible=publisher is not None))
         self._text = gui.add_html('')
         self._parent_node = scene.add_frame(HANDLES.rpartition('/')[0], show_axes=False)
         self._handles = scene.add_transform_controls(

@@ -286,9 +286,10 @@ def _labels(placement: Placement, display: Display) -> dict[str, _Label]:
         return above if frames[name].is_static and {name, parent} <= shown and np.linalg.norm(
             points[name] - points[parent]) < _NEAR * display.size else name
 
-    labels = descend(frames, {name: name for name in shown - frames.keys()}, label_of)
+    labels = descend(frames, {
+        name: name for name in placement.names if name not in frames}, label_of)
     texts: dict[str, list[str]] = {}
-    for name in placement.names:
+    for name in dict.fromkeys([*labels, *placement.names]):  # parents first
         if name in shown:
             texts.setdefault(labels.get(name, name), []).append(shortened(name, _LONGEST_NAME))
     return {name: (comma_list(names, _SHARED_NAMES), points[name])

@@ -971,6 +971,19 @@ def test_names_that_would_cover_others(page):
         assert len(shown.viewer.names()) < 4
 
 
+@pytest.mark.parametrize('fixed', ['map', 'base', 'tip'])
+def test_a_name_that_is_shared(page, fixed):
+    """A static frame at its parent is in the label of the parent, whatever the fixed frame is."""
+    buffer = TransformBuffer()
+    for parent, child, x in ('map', 'base', 0.0), ('base', 'foot', 0.01), ('foot', 'tip', 1.0):
+        buffer.insert(T, parent, child, pose(x), is_static=True)
+    shown = page(live(buffer))
+    shown.set('Fixed frame', fixed)
+    shown.until(lambda: shown.viewer.names().keys() == {'map, base and 1 more', 'tip'})
+    shown.set('Exclude', 'map')
+    shown.until(lambda: shown.viewer.names().keys() == {'base, foot', 'tip'})
+
+
 def test_each_viewer_has_settings_of_its_own(page):
     """Another fixed frame, other sizes; the other viewer sees nothing of it."""
     from viewer import Viewer
@@ -1387,7 +1400,7 @@ def test_the_view_stays(page, clock):
     other.until(lambda: other.value('A') == 'map' and other.value('B') == 'hand', shown.update)
     assert {label: other.value(label) for label in values} == values
     assert other.last['SetCameraPositionMessage']['position'] == camera[:3]
-    assert other.last['ThemeConfigurationMessage']['dark_mode']
+    other.until(lambda: other.last['ThemeConfigurationMessage']['dark_mode'], shown.update)
     other.until(lambda: 'show its branch' in [
         option for props in other.gui.values() for option in props.get('options', ())],
         shown.update)
