@@ -123,7 +123,7 @@ def test_wrong_numbers_of_a_viewer(page):
     viewer.set('x, y, z (m)', [1, 2, 0.00049])
     page.until(lambda: viewer.value('x, y, z (m)') == [1, 2, 0])
     viewer.set('RPY (°)', [720, 0, 0])
-    page.until(lambda: '--x 1.0 --y 2.0 --frame-id' in page.text('command'))
+    page.until(lambda: '--x 1.0 --y 2.0 --roll 12.566370614 --' in page.text('command'))
     for value in [nan, 0, 0], [4], [], [1, 2, 3, 4], ['x', 0, 0]:
         with closing(Viewer(page.server.get_port())) as bad:
             bad.until(lambda: 'Publish' in {each.get('label') for each in bad.gui.values()})
