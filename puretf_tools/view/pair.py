@@ -1,7 +1,7 @@
 """The transform between two frames: in numbers, as texts to copy, and over time."""
 
 from collections.abc import Callable, Iterable
-from math import atan2, degrees
+from math import atan2, degrees, hypot
 from typing import Any, Optional
 
 import numpy as np
@@ -184,9 +184,9 @@ def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
     first, *others = transform.matrix().tolist()
     rows = ''.join((
         _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),
-        _row('distance (m)', [float(np.linalg.norm(translation))], 3),
+        _row('distance (m)', [hypot(*translation)], 3),
         _row('angle (°)', [2.0 * degrees(atan2(
-            float(np.linalg.norm(rotation[:3])), abs(rotation[3])))], 2),
+            hypot(*rotation[:3]), abs(rotation[3])))], 2),
         _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
         _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
     return (f'<table style="{STYLE}" data-text="pair">'

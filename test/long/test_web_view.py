@@ -9,7 +9,8 @@ from processes import ARM, tool
 import pytest
 
 VIEW = tool('web_view')
-FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
+#: Frames whose names do not cover each other for long, whatever the arm does.
+FRAMES = 'map, base_link', 'joint_1', 'end_effector'
 
 
 @pytest.fixture

@@ -12,7 +12,8 @@ from ros_node import stamped
 
 from puretf import TransformBroadcaster
 
-FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
+#: Frames whose names do not cover each other for long, whatever the arm does.
+FRAMES = 'map, base_link', 'joint_1', 'end_effector'
 
 
 def test_the_body_of_the_arm_in_a_browser(start, tmp_path):
