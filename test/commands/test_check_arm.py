@@ -1,5 +1,6 @@
 """The command check_arm where there is ROS: the arm that is running, no arm, the table."""
 
+from importlib.util import find_spec
 from math import hypot
 import re
 from xml.etree import ElementTree
@@ -39,7 +40,8 @@ def test_the_arm_that_is_running(start, domain_id, tmp_path):
     assert sorted(path.name for path in (tmp_path / 'in').iterdir()) == [
         'arm.svg', 'frames.pdf', 'report.txt']
     assert (tmp_path / 'in' / 'report.txt').read_text() == result.stdout
-    assert fault_of_drawing(tmp_path / 'in' / 'frames.pdf') == ''
+    if find_spec('pypdf'):
+        assert fault_of_drawing(tmp_path / 'in' / 'frames.pdf') == ''
     svg = ElementTree.parse(tmp_path / 'in' / 'arm.svg')
     assert [each.text for each in svg.iterfind('{*}text')] == [*FRAMES[2:]]
     *_, (x, y) = (map(float, point.split(',')) for point in [

@@ -162,6 +162,7 @@ def test_frames_stay_if_nothing_is_updated(clock):
 
 def test_at_most_2000_frames():
     """Those of the fixed frame's tree that came first are shown, each with its ancestors."""
+    pytest.importorskip('viser')
     from puretf_tools.view.details import overview
     buffer = TransformBuffer()
     arm(buffer, T, 'world', 'tree')
@@ -434,6 +435,7 @@ class StubFeed(Feed):
 
 def test_texts():
     """Names cannot inject HTML, and problems are reported."""
+    pytest.importorskip('viser')
     from puretf_tools.view.details import details, overview
     buffer = TransformBuffer()
     feed = StubFeed(buffer, Publication(50.04, 0.00123, '/<i>'))
@@ -470,6 +472,7 @@ def test_texts():
 
 def test_texts_of_what_is_far():
     """The panel lists frames that are far, with their real numbers, until they vanish."""
+    pytest.importorskip('viser')
     from puretf_tools.view.details import details, overview
     buffer = TransformBuffer()
     feed = StubFeed(buffer, Publication(None, None, ''))
