@@ -208,7 +208,8 @@ class Page:
         self.viewer = Viewer(self.server.get_port())
         self.viewer.storage.update(storage)
         stack.callback(self.viewer.close)
-        self.until(lambda: self.viewer.text('tree'))  # the first update
+        self.until(lambda: self.viewer.text('tree') and any(  # the last control
+            props.get('label') == 'Publish' for props in self.viewer.gui.values()))
 
     def update(self):
         """

@@ -180,7 +180,8 @@ def page():
 def connected(page):
     """Connect a viewer, and wait until it has received the controls of the page."""
     with closing(Viewer(page.port)) as viewer:
-        viewer.until(lambda: viewer.text('tree'), page.update)
+        viewer.until(lambda: viewer.text('tree') and any(
+            props.get('label') == 'Publish' for props in viewer.gui.values()), page.update)
         viewer.last.clear()
         yield viewer
 
