@@ -1,6 +1,7 @@
 """The page of web_view in a real browser: the body of the arm, and a file without a server."""
 
 from math import pi
+import socket
 import time
 
 from browser import pages
@@ -225,12 +226,14 @@ def test_the_tree_and_the_findings_in_a_browser(ros, start, tmp_path):
 def test_a_view_that_stays_and_is_sent(start, tmp_path):
     """It is there after a reload and a restart; another browser, and a file, show the same."""
     start(*ARM)
+    with socket.create_server(('127.0.0.1', 0)) as free:  # no other test takes it meanwhile
+        port = free.getsockname()[1]
 
     def serve(*arguments):
         view = start(*tool('web_view', *arguments))
         return view, view.line_with('look at http').split()[-1]
 
-    view, url = serve()
+    view, url = serve('--port', str(port))
     with pages() as open_url:  # each page has a storage of its own, as those of two browsers
         page = open_url(url)
         page.scene_with(*FRAMES)
@@ -256,7 +259,7 @@ def test_a_view_that_stays_and_is_sent(start, tmp_path):
         page.page.reload()
         page.until(lambda: shows(page))
         view.end_normally()
-        view, _ = serve('--port', url.rpartition(':')[2])
+        serve('--port', str(port))
         page.until(lambda: shows(page), pause=lambda: page.page.wait_for_timeout(200))
         page.open_tab('Display')
         page.button('Copy view')
