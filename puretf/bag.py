@@ -1,6 +1,6 @@
 """The transforms and other messages of a bag, read without ROS."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager
 import logging
@@ -157,8 +157,7 @@ class Bag(AbstractContextManager['Bag']):
 
     def _known(self) -> Contents:
         if not self._contents.topics:
-            for _ in self._records():
-                pass
+            deque(self._records(), 0)
         return self._contents
 
     def messages(self, *, tf: bool = True, headers: bool = False,

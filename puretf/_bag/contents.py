@@ -93,9 +93,8 @@ class Contents:
         topic.durabilities |= Counter(  # the largest numbers of all files
             _DURABILITIES.get(each, each.upper())
             for each in re.findall(r'durability: (\w+)', qos))
-        if publisher == topic.publisher:
-            return topic
-        return self._of_node.setdefault((topic, publisher), replace(topic, publisher=publisher))
+        return topic if publisher == topic.publisher else self._of_node.setdefault(
+            (topic, publisher), replace(topic, publisher=publisher))
 
     def add_span(self, begin: int, end: int) -> None:
         """Note when the first and the last message of a part were recorded (ns); 0: none."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from contextlib import suppress
 from glob import glob
-from itertools import islice
+from itertools import filterfalse, islice
 import os
 from os.path import exists, isdir
 from pathlib import Path, PurePath
@@ -107,9 +107,8 @@ def _is_named_bag(path: Path) -> bool:
 
 def _bags_in(directory: Path) -> list[Path]:
     """Return the bags in a directory, or the directory if it is one."""
-    if exists(directory / 'metadata.yaml'):
-        return [directory]
-    return sorted(filter(_is_named_bag, directory.iterdir())) if isdir(directory) else []
+    return [directory] if exists(directory / 'metadata.yaml') else sorted(
+        filter(_is_named_bag, directory.iterdir() if isdir(directory) else ()))
 
 
 def resolved(recording: Recording) -> Recording:
@@ -119,10 +118,8 @@ def resolved(recording: Recording) -> Recording:
     files = _listed(recording.path)
     others = [each.name for each in sorted(recording.path.iterdir()) if _FILE.search(each.name)]
     if others and not any(map(exists, files)):
-        raise BagError(f'{recording.path} cannot be read: '
-                       f'{renamed([each.name for each in files], others)}')
-    return Recording(recording.path, files, next(
-        (first for first in files[:1] if not exists(first)), None))
+        raise BagError(renamed(recording.path, [each.name for each in files], others))
+    return Recording(recording.path, files, next(filterfalse(exists, files[:1]), None))
 
 
 def _listed(directory: Path) -> list[Path]:

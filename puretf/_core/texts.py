@@ -238,12 +238,12 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
 # The errors of bags.
 
 
-def renamed(listed: Sequence[str], others: Sequence[str]) -> str:
+def renamed(bag: object, listed: Sequence[str], others: Sequence[str]) -> str:
     """Say that a metadata.yaml lists files that are missing, but not the others beside it."""
     missing, rest = (comma_list(names, 5, visible) for names in (listed, others))
-    return f'files that its metadata.yaml lists are missing: {missing}; {rest} ' + (
-        'is not listed: give this file' if len(others) == 1 else
-        'are not listed: give these files')
+    return (f'{bag} cannot be read: files that its metadata.yaml lists are missing: {missing}; '
+            f'{rest} ') + ('is not listed: give this file' if len(others) == 1 else
+                           'are not listed: give these files')
 
 
 def error_line(error: Exception) -> str:

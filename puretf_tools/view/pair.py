@@ -43,17 +43,12 @@ class Pair:
                        _add_plot(gui, 'rotation', ('roll (°)', 'pitch (°)', 'yaw (°)')))
         self._texts = gui.add_html('')
         self._key = '', '', ''  # the frames and the span
-        self._shown: Optional[Transform] = None
+        self.shown: Optional[Transform] = None  #: the transform; None: there is none
         #: What the plots show: the frames, the buffer and the span; the times (ns), the values.
         self._plotted: tuple[object, ...] = ()
         self._times, self._values = np.empty(0, np.int64), np.empty((0, 6))
         #: The `end` and the `now` of the last update of the numbers and of the plots.
         self._updates: dict[str, tuple[int, float]] = {}
-
-    @property
-    def line(self) -> tuple[str, ...]:
-        """The two frames, if there is a transform between them."""
-        return self.frames if self._shown else ()
 
     @property
     def frames(self) -> tuple[str, str]:
@@ -92,7 +87,7 @@ class Pair:
         if self._is_due('numbers', _NUMBERS_PERIOD, end, now):
             self._show_numbers(*self._look_up(a, b, end))
         if self._is_due('plots', _PLOTS_PERIOD, end, now):
-            self._show_plots(end or (self._shown.stamp if self._shown else None))
+            self._show_plots(end or (self.shown.stamp if self.shown else None))
 
     def _is_due(self, part: str, period: float, end: int, now: float) -> bool:
         """Return True, and note the update, if a part must be updated now."""
@@ -115,7 +110,7 @@ class Pair:
             int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
 
     def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
-        self._shown = transform
+        self.shown = transform
         self._numbers.content = html(why_not, 'pair') if transform is None else (
             _as_table(transform, self._feed.time_text))
         self._texts.content = _as_texts(transform) if transform else ''
@@ -185,8 +180,7 @@ def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
     rows = ''.join((
         _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),
         _row('distance (m)', [hypot(*translation)], 3),
-        _row('angle (°)', [2.0 * degrees(atan2(
-            hypot(*rotation[:3]), abs(rotation[3])))], 2),
+        _row('angle (°)', [degrees(2.0 * atan2(hypot(*rotation[:3]), abs(rotation[3])))], 2),
         _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
         _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
     return (f'<table style="{STYLE}" data-text="pair">'

@@ -163,7 +163,9 @@ class Findings:
             self._shown = findings
             self.rows.show([Row(
                 finding, self._title(finding), _SEVERITIES[finding.severity],
-                html(_text(finding), 'finding')) for finding in findings[:_MOST]])
+                html(f'{finding.evidence.rstrip(".")}. ' + bool(finding.nodes) * (
+                    f'Sent by {comma_list(finding.nodes, _MOST_NAMES)}. ') + finding.remedy,
+                     'finding')) for finding in findings[:_MOST]])
 
     def _title(self, finding: Finding) -> str:
         names = comma_list(finding.frames or finding.topics, _MOST_NAMES, shortened)
@@ -171,8 +173,3 @@ class Findings:
         time = f'{(finding.time - player.begin) / SECOND:+.2f} s: ' if player and (
             player.begin <= finding.time <= player.end) else ''
         return f'{time}{finding.code}: {names}'
-
-
-def _text(finding: Finding) -> str:
-    nodes = f'Sent by {comma_list(finding.nodes, _MOST_NAMES)}. ' if finding.nodes else ''
-    return f'{finding.evidence.rstrip(".")}. {nodes}{finding.remedy}'

@@ -213,7 +213,7 @@ class Viewer:
         self._scene.show(placement, display, {selected, *self._marked},
                          self._trail.pieces(placement, panel.trail.value, display), descriptions,
                          panel.robot.display, panel.follow.value, panel.follows_yaw.value,
-                         panel.pair.line)
+                         panel.pair.frames if panel.pair.shown else ())
         panel.robot.update(self._scene.body.lines, now)
         panel.pair.update(self._until, now)
         panel.hand_frame.update(placement)
