@@ -170,7 +170,7 @@ def test_a_shutdown_of_the_context_ends_a_node(start):
 def test_a_signal_while_a_command_is_imported(start, command, module, number, code):
     """No traceback is printed from within an import."""
     if '--bag' in command:
-        pytest.importorskip('rosbags', reason='without rosbags, an error ends it sooner')
+        pytest.importorskip('rosbags')  # without it, an error ends the command sooner
     name, *arguments = command.replace('SPLIT', str(DATA / 'split')).split()
     process = start('-X', 'importtime', *tool(name, *arguments))
     process.line_with(f' {module}')
