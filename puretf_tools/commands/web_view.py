@@ -73,7 +73,7 @@ def _read_view(path: str) -> str:
             return text
     except OSError as error:
         raise CommandError(f'cannot read {path}: {error.strerror}') from None
-    except ValueError:
+    except (ValueError, RecursionError):
         pass
     raise CommandError(f'{path} is no view: press "Copy view" on the page, and save the line '
                        'that it shows in a file')

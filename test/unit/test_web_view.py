@@ -49,6 +49,18 @@ def test_a_port_that_needs_root(failed, monkeypatch, bag):
                      'without root, --port must be at least 1024\n')
 
 
+@pytest.mark.parametrize('text', ['nonsense', '[1]', '[' * 100_000, None])
+def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
+    """The error names the file, and where such a line comes from."""
+    path = tmp_path / 'view.json'
+    if text is not None:
+        path.write_text(text)
+    code, error = failed(main, '--bag', bag, '--view', str(path))
+    assert code == 1
+    assert error.startswith(f'web_view: cannot read {path}: No such file' if text is None else (
+        f'web_view: {path} is no view: press "Copy view" on the page'))
+
+
 def test_without_viser(bag):
     """The error says what is missing, and how to install it."""
     done = subprocess.run([sys.executable, *tool_without(['viser'], 'web_view', '--bag', bag)],
