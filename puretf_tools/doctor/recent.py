@@ -1,6 +1,6 @@
 """What the checks find in the transforms that arrive, while a program listens."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from time import thread_time
 from typing import Optional, TYPE_CHECKING
 
@@ -52,7 +52,7 @@ class RecentFindings:
         self.verdict = ''
 
     def update(self, messages: Iterable[Message], is_complete: bool,
-               other_transforms: Collection[OtherTopic], now: float) -> None:
+               other_transforms: Sequence[OtherTopic], now: float) -> None:
         """
         Count messages, and from time to time examine the statistics.
 
@@ -63,7 +63,7 @@ class RecentFindings:
         if not is_complete or now >= self._begin + _LENGTH:
             self._restart(is_complete, now)
         self._statistics.add_messages(messages, self._listener.clock_offset())
-        self._examine([*other_transforms], now)
+        self._examine(other_transforms, now)
         self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
 
     def is_due(self, now: float) -> bool:

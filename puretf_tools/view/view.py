@@ -71,6 +71,7 @@ class View:
         self._feed, self._clock, self._server, self._first = feed, clock, server, view
         self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
+        self._places = lru_cache(1)(self._places_between)  # of a bag, all viewers see the same
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
         self._next_watch = 0.0  # (s, monotonic clock)
@@ -108,13 +109,15 @@ class View:
     def _path(self) -> NDArray[np.float64]:
         """Return where the frames go in a bag, or have been in the last seconds: (n, 3) (m)."""
         if player := self._feed.player:
-            times = np.linspace(player.begin, player.end, _MOMENTS)
-        else:
-            end = max((frame.latest for frame in self._feed.buffer.frames()), default=0)
-            times = np.maximum(1, np.linspace(end - 2 * LENGTH * SECOND, end, _MOMENTS))
+            return self._places(player.begin, player.end)
+        end = max([1, *(frame.latest for frame in self._feed.buffer.frames())])
+        return self._places(max(1, end - 2 * LENGTH * SECOND), end)
+
+    def _places_between(self, begin: int, end: int) -> NDArray[np.float64]:
         return np.concatenate([placement.points[
             [name not in placement.far for name in placement.names]] for placement in (
-                self._watcher.placement('', time) for time in times.astype(np.int64).tolist())])
+                self._watcher.placement('', time) for time in np.linspace(
+                    begin, end, _MOMENTS).astype(np.int64).tolist())])
 
 
 class Viewer:
@@ -127,7 +130,7 @@ class Viewer:
         receive_at_once(client)
         # For another `--view`, the browser has stored nothing yet.
         self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
-        self._client, self._is_alone, self._is_restored = client, is_alone, False
+        self._client, self._is_alone = client, is_alone
         self.has_path = False  #: whether the first camera knows where the frames go
         self._next_store = 0.0  # (s, monotonic clock)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
@@ -152,7 +155,6 @@ class Viewer:
 
     def _restore(self) -> None:
         """Show what the browser has stored, or else what is shown at first."""
-        self._is_restored = True
         self._settings.reset(self.pace.stored or '')
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
@@ -196,10 +198,9 @@ class Viewer:
         :param now: on the monotonic clock (s).
         """
         panel = self._panel
-        if not self._is_restored:
+        if self._placement is None:
             self._restore()
-        player = self._feed.player
-        if self._goal and player and player.is_whole:
+        if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
         placement = self._placement = self._place(place, until)
