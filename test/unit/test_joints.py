@@ -83,6 +83,11 @@ class Page:
         """Update until a condition holds, which `viewer` sees."""
         (viewer or self.viewer).until(condition, self.update)
 
+    def wait_for_sliders(self, number):
+        """Update until both viewers have so many."""
+        for viewer in self.viewer, self.other:
+            self.until(lambda viewer=viewer: len(sliders(viewer)) == number, viewer)
+
     def text(self, viewer=None):
         """Return the text above the sliders."""
         found = (viewer or self.viewer).text('joints')
@@ -97,7 +102,7 @@ def sliders(viewer):
 def test_a_slider_for_each_joint_that_can_be_set():
     """In degrees or m, between the limits; a joint that follows another one has none."""
     with Page(JointControl('/joint_states', ARM)) as page:
-        page.until(lambda: len(sliders(page.viewer)) == 3)
+        page.wait_for_sliders(3)
         assert {label: [props[key] for key in ('min', 'max', 'step', 'value')]
                 for label, props in sliders(page.viewer).items()} == {
             'turn (°)': [-90, 45, 0.1, 0], 'slide (m)': [0.1, 0.35, 1e-4, 0.225],
@@ -109,7 +114,7 @@ def test_what_one_viewer_moves_the_other_sees():
     """Degrees become rad; 'Centre' moves all joints back."""
     control = JointControl('/joint_states', ARM)
     with Page(control) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         page.viewer.set('turn (°)', -90.0)
         page.viewer.set('slide (m)', 0.3)
         page.until(lambda: sliders(page.other)['slide (m)']['value'] == 0.3, page.other)
@@ -125,7 +130,7 @@ def test_what_one_viewer_moves_the_other_sees():
 def test_wrong_numbers_of_a_viewer():
     """They are clamped, and the slider shows what counts."""
     with Page(JointControl('/joint_states', ARM)) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         for value, shown in (1e9, 45.0), (-1e300, -90.0), (12.34, 12.3):
             page.viewer.set('turn (°)', value)
             page.until(lambda shown=shown: page.viewer.value('turn (°)') == shown)
@@ -135,7 +140,7 @@ def test_a_robot_that_moves_by_itself():
     """Its sliders follow; only a robot that can wave has the button."""
     control = Arm('/arm/joint_command', ARM)
     with Page(control) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         control.positions.set('wheel', -pi / 2)
         page.until(lambda: page.viewer.value('wheel (°)') == -90.0)
         page.viewer.set('Wave', True)
@@ -148,7 +153,7 @@ def test_a_robot_that_leaves_while_it_is_moved():
     """What a viewer does with its controls has no effect any more."""
     control = Arm('/arm/joint_command', ARM)
     with Page(control) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         page.controls.clear()
         page.viewer.set('turn (°)', 20.0)
         page.viewer.set('Centre', True)
@@ -163,7 +168,7 @@ def test_the_chosen_robot_is_moved():
     for control in first, second:
         control.positions.set('turn', 0.5)
     with Page(first, second) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         page.viewer.set('Joints of', second.topic)
         page.viewer.set('Centre', True)
         page.until(lambda: page.viewer.value('turn (°)') == 0.0)
@@ -177,12 +182,11 @@ def test_many_joints(monkeypatch):
     hand = robot(*(joint(f'joint_{i}', 'revolute', (-1, 1)) for i in range(80)))
     control = JointControl('/joint_states', hand)
     with Page(control) as page:
-        page.until(lambda: len(sliders(page.viewer)) == 50)
+        page.wait_for_sliders(50)
         page.until(lambda: page.text() == (
             'The positions are sent on /joint_states. 30 more joints have no slider.'))
         page.viewer.set('joint_49 (°)', 10.0)
         page.until(lambda: control.positions['joint_49'] == pytest.approx(pi / 18))
-        assert len(sliders(page.other)) == 50
 
 
 def test_the_viewer_chooses_one_of_two_robots():
@@ -190,7 +194,7 @@ def test_the_viewer_chooses_one_of_two_robots():
     arm = robot(joint('turn', 'revolute', (-1, 1)))
     one, two = (JointControl(f'/{name}/joint_command', arm) for name in ('one', 'two'))
     with Page(one, two) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(1)
         page.viewer.set('Joints of', two.topic)
         page.until(lambda: two.topic in page.text())
         page.viewer.set('turn (°)', 10.0)
@@ -207,7 +211,7 @@ def test_a_page_without_robots_says_what_to_do():
     with Page() as page:
         assert page.text() == 'start it'
         page.controls.append(control)
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         control.warning = '/other publishes, <too>'
         page.until(lambda: page.text() == control.warning)
         page.controls.clear()
@@ -219,7 +223,7 @@ def test_a_new_description_changes_the_sliders():
     """The joints stay where they are."""
     control = JointControl('/joint_states', ARM)
     with Page(control) as page:
-        page.until(lambda: sliders(page.viewer))
+        page.wait_for_sliders(3)
         page.viewer.set('turn (°)', 30.0)
         page.until(lambda: control.positions['turn'] > 0.5)
         control.set_description(robot(joint('turn', 'revolute', (-1, 1)),
