@@ -132,9 +132,14 @@ class Viewer:
                  float(0.5 + focal * y / camera['image_height'])]
         self.send({**POINTER, 'screen_pos': [place], 'modifier': modifier})
 
+    def get(self, label: str, key: str) -> Any:
+        """Return a property of a control; None: it is not there."""
+        return next((props.get(key) for props in self.gui.values()
+                     if props.get('label') == label and 'hotkey' not in props), None)
+
     def value(self, label: str) -> Any:
-        """Return the value of a control."""
-        return self.gui[self.uuid(label)]['value']
+        """Return the value of a control; None: it is not there."""
+        return self.get(label, 'value')
 
     def set(self, label: str, value: object) -> None:
         """Change the value of a control."""

@@ -164,7 +164,7 @@ def test_it_is_published_while_publish_is_on(page):
     assert published[0] == Transform(0, 'map', 'hand', (1, 0, 0), (0, 0, 0, 1))
     assert published[1].rotation == pytest.approx((0, 0, 1, 0))
     viewer.set('New frame', 'hand2')
-    page.until(lambda: viewer.gui[viewer.uuid('Publish')]['value'] is False)
+    page.until(lambda: viewer.get('Publish', 'value') is False)
     assert (len(published), page.stopped) == (2, ['hand'])
 
 
@@ -217,9 +217,8 @@ def test_a_page_without_a_name_has_no_handles():
     """Nor a command; without ROS, as for a bag, 'Publish' is hidden."""
     with ExitStack() as stack:
         page = Page(stack)
-        page.until(lambda: HANDLES in page.viewer.nodes)
-        assert not page.viewer.nodes[HANDLES]['visible']
-        assert not page.viewer.gui[page.viewer.uuid('Publish')]['visible']
+        page.until(lambda: page.viewer.nodes.get(HANDLES, {}).get('visible') is False)
+        page.until(lambda: page.viewer.get('Publish', 'visible') is False)
         page.viewer.set('Publish', True)
         page.viewer.set('New frame', 'tree')
         page.until(lambda: page.text('hand') == 'the bag has a frame tree already')

@@ -146,7 +146,7 @@ def test_a_robot_that_moves_by_itself():
         page.viewer.set('Wave', True)
         page.until(lambda: control.waves == 1)
         page.controls[:] = [JointControl('/joint_states', ARM)]
-        page.until(lambda: page.viewer.gui[page.viewer.uuid('Wave')]['visible'] is False)
+        page.until(lambda: page.viewer.get('Wave', 'visible') is False)
 
 
 def test_a_robot_that_leaves_while_it_is_moved():
@@ -229,4 +229,4 @@ def test_a_new_description_changes_the_sliders():
         control.set_description(robot(joint('turn', 'revolute', (-1, 1)),
                                       joint('&lt;b>', 'continuous', None)))
         page.until(lambda: {*sliders(page.viewer)} == {'turn (°)', '<b> (°)'})
-        assert sliders(page.viewer)['turn (°)']['value'] == 30.0
+        page.until(lambda: page.viewer.value('turn (°)') == 30.0)

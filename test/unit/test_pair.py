@@ -49,7 +49,7 @@ class Shown:
     def choose(self, a, b, end=0):
         """Choose two frames, and update until something is shown."""
         self.offer('map', 'base', a, b)
-        self.viewer.until(lambda: a in self.viewer.gui[self.viewer.uuid('A')]['options'])
+        self.viewer.until(lambda: a in self.viewer.get('A', 'options'))
         for label, name in ('A', a), ('B', b):
             self.viewer.set(label, name)
         self.viewer.until(self.text, lambda: self.update(end))
@@ -58,7 +58,7 @@ class Shown:
         """Wait until the viewer has got all that has been sent."""
         last = f'frame_{self.now}'
         self.offer('map', 'base', last)
-        self.viewer.until(lambda: last in self.viewer.gui[self.viewer.uuid('A')]['options'])
+        self.viewer.until(lambda: last in self.viewer.get('A', 'options'))
 
     def text(self):
         """Return the table or the hint."""
@@ -106,7 +106,7 @@ def test_nothing_is_shown_until_a_pair_is_chosen(shown, buffer):
     buffer.insert(T, 'map', 'base', (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0))
     viewer = shown.viewer
     shown.offer('map', 'base')
-    viewer.until(lambda: viewer.gui[viewer.uuid('A')]['options'] == ['(none)', 'base', 'map'])
+    viewer.until(lambda: viewer.get('A', 'options') == ['(none)', 'base', 'map'])
     viewer.set('A', 'map')
     shown.update()
     assert not shown.text()
@@ -142,6 +142,7 @@ def test_the_values_of_the_last_20_s(shown, buffer):
     shown.choose('map', 'base', T + 15 * S)
     assert shown.rows()[0] == ['1700000015.000000000 s']
     shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
+    shown.receive_all()
     (seconds, x, y, z), (same_seconds, roll, pitch, yaw) = shown.plotted()
     assert (seconds[0], seconds[-1], len(seconds)) == (-20.0, 0.0, 401)
     assert seconds.tolist() == same_seconds.tolist()
@@ -243,6 +244,7 @@ def test_a_pair_that_is_far(shown, buffer, x):
     shown.choose('map', 'base')
     assert shown.rows()[0] == ['all times']
     shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
+    shown.receive_all()
     assert not np.isinf(shown.plotted()).any()
     assert {*shown.plotted()[1, 3].tolist()} == {0.0}
 

@@ -80,7 +80,7 @@ class Controls:
 
     def is_paused(self):
         """Return whether the button plays."""
-        return 'play' in self.viewer.gui[self.viewer.uuid('Play')]['options']
+        return 'play' in self.viewer.get('Play', 'options')
 
 
 @pytest.fixture
@@ -93,8 +93,8 @@ def controls(clock, buffer):
             playback = Playback(server.gui, feed)
             viewer = Viewer(server.get_port())
             stack.callback(viewer.close)
-            viewer.until(lambda: any(
-                props.get('label') == 'Go to' for props in viewer.gui.values()))
+            viewer.until(lambda: {'Go to', 'B', 'N', 'P'} <= {
+                props.get('hotkey', props.get('label')) for props in viewer.gui.values()})
             return Controls(playback, feed, viewer, clock)
 
         yield create
@@ -192,8 +192,8 @@ def test_the_findings_of_a_bag(clock, buffer):
             '+7.00 s: late_' in label for label in labels()) == 18)
         shown.until(lambda: 'evidence &lt;of&gt; gap. Mend gap.' in ''.join(
             props.get('content', '') for props in viewer.gui.values()))
-        shown.until(lambda: [mark['value'] for mark in viewer.gui[viewer.uuid('Time (s)')][
-            '_marks'] or ()] == [3.0, 7.0])
+        shown.until(lambda: [mark['value'] for mark in viewer.get(
+            'Time (s)', '_marks') or ()] == [3.0, 7.0])
         shown.until(lambda: any('⚠ gap' in label for label in labels()))
         assert any('other' in label and '⚠ typo' in label for label in labels())
         shown.step()
@@ -203,7 +203,7 @@ def test_the_findings_of_a_bag(clock, buffer):
         viewer.set('+3.00 s: gap: base', True)
         shown.until(lambda: viewer.value('Time (s)') == 3.0 and viewer.value('Frame') == 'base')
         clock[0] += 1.0
-        shown.until(lambda: 'play' in viewer.gui[viewer.uuid('Play')]['options'])
+        shown.until(lambda: 'play' in viewer.get('Play', 'options'))
         assert feed.player.position == 3.0
 
 
@@ -221,7 +221,7 @@ def test_a_bag_that_is_still_read(controls, buffer):
     assert shown.after(2.0) == 12.0
     assert shown.after(1.0) == 0.0
     viewer.until(lambda: not viewer.text('reading'))
-    assert viewer.gui[viewer.uuid('Time (s)')]['max'] == 12.0
+    assert viewer.get('Time (s)', 'max') == 12.0
 
 
 def test_a_bag_of_which_nothing_has_been_read(clock):

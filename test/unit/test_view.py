@@ -574,7 +574,7 @@ def test_trees_that_change(page):
         buffer.insert(T, parent, child, pose(x))
     shown.until(lambda: viewer.names() == {
         'map': [0, 0, 0], 'odom': [1, 0, 0], 'left': [4, 0, 0], 'base': [2, 0, 0]})
-    shown.until(lambda: {*viewer.gui[viewer.uuid('Frame')]['options']} == {
+    shown.until(lambda: {*viewer.get('Frame', 'options')} == {
         '(none)', 'map', 'odom', 'left', 'base'})
     buffer.insert(T, 'world', 'tree', pose(1.0))
     shown.until(lambda: viewer.names().get('tree') == [1, -2, 0])
@@ -1088,12 +1088,12 @@ def test_a_live_page_looks_back(page):
     buffer.insert(T + 11 * S, 'map', 'base', pose(11))
     shown.set('Back (s)', 0.0)  # the moment of the pause
     shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
-    assert not viewer.gui[viewer.uuid('Back (s)')]['disabled']
+    assert not viewer.get('Back (s)', 'disabled')
     shown.set('Back (s)', 4.0)
     shown.set('Pause', False)
     shown.until(lambda: viewer.names().get('base') == [11, 0, 0])
     shown.until(lambda: viewer.value('Back (s)') == 0.0)
-    assert viewer.gui[viewer.uuid('Back (s)')]['disabled']
+    assert viewer.get('Back (s)', 'disabled')
 
 
 def test_silences_are_remembered_while_viewers_look_back(page, clock):
@@ -1232,7 +1232,7 @@ def test_what_is_chosen_stays(page):
     arm(buffer, T, 'map', 'other', 'more')
     shown.until(lambda: 'the fixed frame base is not available; instead of it: map<' in
                 viewer.text('overview'))
-    assert 'base' in viewer.gui[viewer.uuid('Fixed frame')]['options']
+    assert 'base' in viewer.get('Fixed frame', 'options')
     arm(buffer, T, 'map', 'base')
     shown.until(lambda: viewer.names().get('map') == [-1, 0, 0])
     assert viewer.value('Fixed frame') == 'base'
@@ -1247,7 +1247,7 @@ def test_the_fixed_frame_of_a_page_that_nobody_has_chosen(page, clock):
     viewer = shown.viewer
 
     def options():
-        return viewer.gui[viewer.uuid('Fixed frame')]['options']
+        return viewer.get('Fixed frame', 'options')
 
     arm(buffer, T, 'base_lnk', 'laser', 'tip')
     shown.until(lambda: viewer.value('Fixed frame') == 'base_lnk')
@@ -1264,7 +1264,7 @@ def test_the_fixed_frame_of_a_page_that_nobody_has_chosen(page, clock):
     shown.until(lambda: '3 frames without an update for a minute: not shown' in
                 viewer.text('overview'))
     assert 'not connected' not in viewer.text('overview')
-    assert viewer.gui[viewer.uuid('Frame')]['options'] == [
+    assert viewer.get('Frame', 'options') == [
         '(none)', 'base_link', 'laser', 'odom']  # laser is chosen
     shown.until(lambda: 'laser is not available' in viewer.text('details'))
     arm(buffer, T + S, 'base_lnk', 'laser')
@@ -1281,7 +1281,7 @@ def test_many_names_are_sent_seldom(page, clock):
     shown.until(lambda: '/world/frames' in viewer.nodes)
 
     def is_offered():
-        return 'new' in viewer.gui[viewer.uuid('Frame')]['options']
+        return 'new' in viewer.get('Frame', 'options')
 
     buffer.insert(T, 'map', 'new', pose(1.0), is_static=True)
     shown.until(lambda: len(viewer.axes('positions')) == 1002)
@@ -1368,7 +1368,7 @@ def test_a_bag_is_played(page, clock):
     shown.until(lambda: viewer.value('Time (s)') > 7)
     clock[0] += 5.0
     shown.until(lambda: viewer.names().get('base', [9])[0] < 5)  # it starts again
-    shown.until(lambda: 'late' in viewer.gui[viewer.uuid('Frame')]['options'])
+    shown.until(lambda: 'late' in viewer.get('Frame', 'options'))
     assert 'late' not in viewer.names()
 
 
