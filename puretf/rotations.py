@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from transforms3d import euler, quaternions
 
 from puretf._core.pose import Quaternion as Quaternion
-from puretf._core.slerp import slerp_weights
 
 #: The code of a convention of Euler angles, as in K. Shoemake, Euler Angle Conversion, Graphics
 #: Gems IV (1994): first axis (0, 1, 2 for x, y, z); parity (0 if the second axis follows the first
@@ -170,7 +169,8 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
         return begin
     # The arc cosine of the dot product would not be accurate for small angles.
     angle = 2.0 * math.atan2(difference, total)
-    first, second = slerp_weights(angle, fraction * (1.0 + turns * math.pi / angle))
+    ratio = fraction * (1.0 + turns * math.pi / angle)
+    first, second = math.sin((1.0 - ratio) * angle), math.sin(ratio * angle)
     return _unit([first * a + second * b for a, b in zip(begin, end)])
 
 

@@ -114,14 +114,18 @@ class BufferBase:
         :raises ValueError: if the shape of `times` is not (n,).
         """
         times = _int64_times(times)
-        order = np.argsort(times, kind='stable')  # sorted times are found faster in a history
-        poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
+        columns, known = np.empty((7, len(times))), np.empty(len(times), np.bool_)
+        is_sorted = not (times[1:] < times[:-1]).any()
+        order = None if is_sorted else np.argsort(times)  # sorted times are found faster
+        asked = times if order is None else times[order]
         for begin in range(0, len(times), _CHUNK):
-            part = order[begin:begin + _CHUNK]
+            part = slice(begin, begin + _CHUNK)
             with self._engine.reading():
-                poses[part], known[part] = self._engine.lookups.poses(
-                    target_frame, source_frame, times[part])
-        return poses[:, :3], poses[:, 3:], known
+                columns[:, part], known[part] = self._engine.lookups.poses(
+                    target_frame, source_frame, asked[part])
+        if order is not None:
+            columns[:, order], known[order] = columns.copy(), known.copy()
+        return columns[:3].T, columns[3:].T, known
 
     def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
                      ) -> Twist:

@@ -6,9 +6,13 @@ from puretf._core.pose import Pose, Quaternion
 
 
 def inverse(pose: Pose) -> Pose:
-    """Return b_from_a for a_from_b, the pose of b in a; one pose, or columns."""
+    """Return b_from_a for a_from_b, the pose of b in a; one pose, or columns. See `compose`."""
     x, y, z, qx, qy, qz, qw = pose
-    return compose((0.0, 0.0, 0.0, -qx, -qy, -qz, qw), (-x, -y, -z, 0.0, 0.0, 0.0, 1.0))
+    ux, uy, uz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
+    return (qw * ux - x - qy * uz + qz * uy,
+            qw * uy - y - qz * ux + qx * uz,
+            qw * uz - z - qx * uy + qy * ux,
+            -qx, -qy, -qz, qw)
 
 
 def compose(left: Pose, right: Pose) -> Pose:

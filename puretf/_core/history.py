@@ -3,6 +3,7 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from copy import copy
+from math import acos, sin, sqrt
 from operator import itemgetter
 import struct
 from typing import Any, Optional, Union
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.pose import Columns, Pose, POSE_BYTES
-from puretf._core.slerp import interpolate, interpolate_columns
+from puretf._core.slerp import interpolate_columns, NEAR
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
 #: them.
@@ -242,19 +243,44 @@ class History:
         """
         Return the pose at a time (ns; 0: the newest); raise NoPose outside of the history.
 
-        Between two samples with the same parent, the pose is interpolated. Between two samples
-        with different parents, the result is the pose of the earlier sample.
+        Between two samples with the same parent, the pose is interpolated as in tf2: the position
+        linearly, the rotation by slerp through the smaller angle (K. Shoemake, Animating Rotation
+        with Quaternion Curves, SIGGRAPH 1985). Between two samples with different parents, the
+        result is the pose of the earlier sample.
         """
-        stamps = self.stamps
-        if not time or not stamps or not stamps[self.start] < time < stamps[-1]:
+        stamps, start = self.stamps, self.start
+        after = len(stamps) - 1
+        if not time or after <= start:
             return self.pose(self.find(time))
+        if time == (stamp := stamps[after]):
+            return _read_pose(self.poses, after * POSE_BYTES)
         # Most requested times are between the last two stamps, so try these before the search.
-        after = len(stamps) - 1 if time >= stamps[-2] else bisect_right(stamps, time, self.start)
+        if not (before := stamps[after - 1]) < time < stamp:
+            if not stamps[start] < time < stamp:
+                return self.pose(self.find(time))
+            after = bisect_right(stamps, time, start, after)
+            before, stamp = stamps[after - 1], stamps[after]
         if self.parents is not None and self.parents[after - 1] != self.parents[after]:
             return self.pose(after - 1)
-        before = stamps[after - 1]
-        return interpolate(_read_two_poses(self.poses, (after - 1) * POSE_BYTES),
-                           (time - before) / (stamps[after] - before))
+        t = (time - before) / (stamp - before)
+        x, y, z, ax, ay, az, aw, nx, ny, nz, bx, by, bz, bw = _read_two_poses(
+            self.poses, (after - 1) * POSE_BYTES)
+        cosine = ax * bx + ay * by + az * bz + aw * bw
+        if cosine < 0.0:
+            cosine, bx, by, bz, bw = -cosine, -bx, -by, -bz, -bw
+        if cosine > NEAR:
+            cosine /= sqrt((ax * ax + ay * ay + az * az + aw * aw)
+                           * (bx * bx + by * by + bz * bz + bw * bw))
+        s = 1.0 - t
+        if cosine < 1.0:
+            angle = acos(cosine)  # half of the rotation between the two
+            scale = 1.0 / sin(angle)
+            a, b = scale * sin(s * angle), scale * sin(t * angle)
+        else:
+            a, b = 1.0, 0.0
+        if x != nx or y != ny or z != nz:  # most joints turn only
+            x, y, z = s * x + t * nx, s * y + t * ny, s * z + t * nz
+        return x, y, z, a * ax + b * bx, a * ay + b * by, a * az + b * bz, a * aw + b * bw
 
     def poses_at(self, neighbours: Neighbours) -> Columns:
         """

@@ -75,12 +75,12 @@ class Lookups:
         if path is not None:
             poses, known = path.poses(times)
         else:
-            poses, known = np.empty((len(times), 7)), np.zeros(len(times), np.bool_)
+            poses, known = np.empty((7, len(times))), np.zeros(len(times), np.bool_)
             for i, time in enumerate(times.tolist()):
                 with suppress(TransformException):
-                    _, poses[i] = self.pose(target, source, time)
+                    _, poses[:, i] = self.pose(target, source, time)
                     known[i] = True
-        poses[~known] = np.nan
+        poses[:, ~known] = np.nan
         return poses, known
 
     def _kept_path(self, target: str, source: str) -> Optional[Path]:

@@ -55,13 +55,13 @@ class Path:
         """
         Compute the poses of the source frame in the target frame at many times (ns).
 
-        The parents must be constant. Return (n, 7) poses, and (n,) bool: True where there is one.
+        The parents must be constant. Return (7, n) poses, and (n,) bool: True where there is one.
         """
         times = np.where(times == 0, self.latest_common_time(), times)
         begin, end = self.span()
         known = (begin <= times) & (times <= end)
         if not known.any():
-            return np.empty((len(times), 7)), known
+            return np.empty((7, len(times))), known
         neighbours = Neighbours(times if known.all() else np.where(known, times, begin))
         with np.errstate(invalid='ignore', over='ignore'):
             columns = _columns_along(self.from_source, neighbours)
@@ -69,20 +69,18 @@ class Path:
                 target_from_top = inverse(_columns_along(self.from_target, neighbours))
                 columns = (compose(target_from_top, columns) if self.from_source
                            else target_from_top)
-        result = np.empty((len(times), 7))
-        for i, column in enumerate(columns):
-            result[:, i] = column
+        result = np.empty((7, len(times)))
+        for row, column in zip(result, columns):
+            row[:] = column
         return result, known
 
 
 def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
     """Compute the pose of the lowest frame in the highest; the edges go upwards."""
-    if not edges:
-        return IDENTITY
-    pose = edges[0].pose_at(time)
-    for edge in edges[1:]:
-        pose = compose(edge.pose_at(time), pose)
-    return pose
+    pose = None
+    for edge in edges:
+        pose = edge.pose_at(time) if pose is None else compose(edge.pose_at(time), pose)
+    return pose or IDENTITY
 
 
 def _columns_along(edges: Sequence[AnyHistory], neighbours: Neighbours) -> Columns:
