@@ -35,6 +35,8 @@ _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
 #: The errors that a wrong value in a field can raise.
 _FIELD_ERRORS = (ArithmeticError, AttributeError, TypeError, struct.error)
+#: Creates a message without calling its constructor.
+_new: Any = object.__new__
 _KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
 
@@ -95,27 +97,18 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     Create a TransformStamped from its fields.
 
     The values are assigned to slots, because the constructors would take ten times as long. The
-    numbers are converted to float, because rclpy's compiled code would send a wrong value for an
-    int in the slot of a float64.
+    numbers must be float: rclpy's compiled code would send a wrong value for an int.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
+    message._check_fields = header._check_fields = stamp._check_fields = _CHECK_FIELDS
+    transform._check_fields = translation._check_fields = rotation._check_fields = _CHECK_FIELDS
     message._header, message._transform = header, transform
     header._stamp = stamp
     transform._translation, transform._rotation = translation, rotation
     (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
-     (x, y, z, qx, qy, qz, qw)) = fields
-    # A loop would take ten times as long.
-    translation._x, translation._y, translation._z = float(x), float(y), float(z)
-    rotation._x, rotation._y, rotation._z = float(qx), float(qy), float(qz)
-    rotation._w = float(qw)
-    return message
-
-
-def _new(message_type: type) -> Any:
-    """Create a message without calling its constructor."""
-    message: Any = object.__new__(message_type)
-    message._check_fields = _CHECK_FIELDS
+     (translation._x, translation._y, translation._z,
+      rotation._x, rotation._y, rotation._z, rotation._w)) = fields
     return message
 
 
