@@ -1,5 +1,6 @@
 """A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
 
+from collections.abc import Mapping
 import sys
 from typing import Any, Optional, Union
 
@@ -8,6 +9,9 @@ from puretf._core.engine import engine_of
 from puretf._core.times import nanoseconds_or_int, SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
+
+#: A cache time (ns) that keeps all samples.
+_FOREVER = 2**63
 
 
 class TransformBuffer(BufferBase):
@@ -53,6 +57,29 @@ class TransformBuffer(BufferBase):
                 name: history and history.copy(stamp)
                 for name, history in engine.tree.histories.items()})
         return copy
+
+    @classmethod
+    def load(cls, dump: Mapping[str, Mapping[str, Any]]) -> 'TransformBuffer':
+        """
+        Return a buffer with the data that `dump` has returned, perhaps read from JSON.
+
+        It keeps all samples. Rotations are normalised again, which may change their last bits.
+
+        :raises ValueError: if the data are not those of `dump`.
+        """
+        buffer = cls(_FOREVER, max_frames=sys.maxsize, max_samples=None)
+        buffer._engine.tree.histories.update(dict.fromkeys(dump))  # in their order
+        for child, frame in dump.items():
+            try:
+                for stamp, parent, pose in zip(
+                        frame['stamps'], frame['parents'], frame['poses'], strict=True):
+                    if not buffer.insert(stamp, parent, child, pose, frame['authority'],
+                                         frame['is_static']):
+                        raise ValueError('a transform was refused, see the log')
+            except (KeyError, TypeError, ValueError, OverflowError) as error:
+                raise ValueError(f'the data of the frame {child!r} are not those of dump(): '
+                                 f'{error!r}') from None
+        return buffer
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
         """

@@ -2,12 +2,13 @@
 
 from collections.abc import Container, Iterable
 from contextlib import AbstractContextManager
-from typing import Any, Optional
+from typing import Any, Literal, Optional, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from puretf._core import frames
+from puretf._core.composition import matrices
 from puretf._core.engine import Engine
 from puretf._core.frames import Frame
 from puretf._core.hints import hint_at_duration
@@ -67,6 +68,38 @@ class BufferBase:
         return self._engine.insert(
             stamp, frame_id, child_frame_id, pose, authority, is_static)
 
+    def insert_many(self, stamps: ArrayLike, frame_id: str, child_frame_id: str,
+                    poses: ArrayLike, authority: str = 'default_authority') -> bool:
+        """
+        Insert many poses of a frame in its parent, much faster than by one `insert` for each.
+
+        They are inserted in the order of their stamps. The names and the rotations are treated as
+        in `insert`.
+
+        :param stamps: (n,) times of the poses, as in `lookup_transforms`.
+        :param poses: (n, 7): x, y, z (m) and the quaternion x, y, z, w.
+        :returns: False if some of them were refused; the log says why.
+        :raises TypeError: if an argument has a wrong type.
+        :raises ValueError: if an array has a wrong shape, or a stamp is NaT.
+        :raises OverflowError: if a stamp does not fit in an int64.
+        """
+        times, rows = _int64_times(stamps, 'stamps'), np.asarray(poses, np.float64)
+        if rows.shape != (len(times), 7):
+            raise ValueError(f'poses must be of shape ({len(times)}, 7), one for each stamp, got '
+                             f'{rows.shape}')
+        return self._engine.insert_many(times, frame_id, child_frame_id, rows, authority)
+
+    def remove(self, frame: str) -> None:
+        """
+        Remove all poses of a frame in its parents; it exists on as the parent of other frames.
+
+        A later transform brings the frame back.
+
+        :raises TransformException: if the frame does not exist.
+        :raises TypeError: if the frame is not a str.
+        """
+        self._engine.remove(frame)
+
     def clear(self) -> None:
         """Remove all dynamic transforms; static ones and the names of all frames stay."""
         self._engine.clear()
@@ -98,22 +131,35 @@ class BufferBase:
         except TransformException as error:
             return str(error) if has_hint else tf2_words(error)
 
-    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
-                          ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    @overload
+    def lookup_transforms(
+            self, target_frame: str, source_frame: str, times: ArrayLike,
+            as_matrices: Literal[False] = False
+            ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]: ...
+
+    @overload
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike,
+                          as_matrices: Literal[True]) -> NDArray[np.float64]: ...
+
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike,
+                          as_matrices: bool = False) -> Any:
         """
         Return the poses of the source frame in the target frame at many times.
 
         More than 2048 times are looked up in parts; between two parts, new data may be inserted.
 
-        :param times: (n,) integers (ns); 0 as in other lookups.
+        :param times: (n,) integers (ns), datetime64, or times of ROS; 0 as in other lookups.
+        :param as_matrices: True: return homogeneous matrices.
         :returns: three arrays: (n, 3) float64 translations x, y, z (m), (n, 4) float64 quaternions
             x, y, z, w, and (n,) bool: True where there is a transform. Where it is False,
-            `lookup_transform` would raise a TransformException, and the numbers are NaN.
-        :raises TypeError: if the times are not integers, or if a frame is not a str.
-        :raises OverflowError: if a time is too large for an int64.
-        :raises ValueError: if the shape of `times` is not (n,).
+            `lookup_transform` would raise a TransformException, and the numbers are NaN. If
+            `as_matrices` is True: (n, 4, 4) float64, for column vectors x, y, z, 1 (m); all 16
+            numbers are NaN where there is no transform.
+        :raises TypeError: if the times have a wrong type, or if a frame is not a str.
+        :raises OverflowError: if a time does not fit in an int64 (ns).
+        :raises ValueError: if the shape of `times` is not (n,), or a time is NaT.
         """
-        times = _int64_times(times)
+        times = _int64_times(times, 'times')
         columns, known = np.empty((7, len(times))), np.empty(len(times), np.bool_)
         is_sorted = not (times[1:] < times[:-1]).any()
         order = None if is_sorted else np.argsort(times)  # sorted times are found faster
@@ -125,6 +171,10 @@ class BufferBase:
                     target_frame, source_frame, asked[part])
         if order is not None:
             columns[:, order], known[order] = columns.copy(), known.copy()
+        if as_matrices:
+            result = matrices(columns)
+            result[~known] = np.nan
+            return result
         return columns[:3].T, columns[3:].T, known
 
     def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
@@ -317,12 +367,23 @@ def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
     return error is None, '' if error is None else str(error)
 
 
-def _int64_times(times: ArrayLike) -> NDArray[np.int64]:
-    times = np.asarray(times)
+def _int64_times(times: ArrayLike, name: str) -> NDArray[np.int64]:
+    given = times = np.asarray(times)
     if times.ndim != 1:
-        raise ValueError(f'times must be of shape (n,), got {times.shape}')
-    if times.size and times.dtype.kind not in 'iu':
-        raise TypeError(f'times must be integers (ns), got {times.dtype}')
-    if times.size and times.max() > np.iinfo(np.int64).max:
-        raise OverflowError(f'times must be int64 (ns), got {times.max()}')
+        raise ValueError(f'{name} must be of shape (n,), got {times.shape}')
+    if times.dtype.kind == 'M':
+        if np.isnat(times).any():
+            raise ValueError(f'{name} must be times, got NaT at index {np.isnat(times).argmax()}')
+        times = given.astype('datetime64[ns]')
+        if (times.astype(given.dtype) != given).any():
+            raise OverflowError(f'{name} must be whole ns from 1678 to 2262, got {given.max()}')
+        return times.astype(np.int64)
+    if times.dtype.kind == 'O':
+        times = np.array([nanoseconds_or_int(time, name) for time in times.tolist()], np.object_)
+    elif times.size and times.dtype.kind not in 'iu':
+        raise TypeError(f'{name} must be integers (ns), datetime64 or times of ROS, got '
+                        f'{times.dtype}')
+    for bound in (times.min(), times.max()) if times.size else ():
+        if not -2**63 <= int(bound) < 2**63:
+            raise OverflowError(f'{name} must be int64 (ns), got {bound}')
     return times.astype(np.int64)

@@ -2,7 +2,10 @@
 
 from math import nan, sqrt
 
-from puretf._core.pose import Pose, Quaternion
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core.pose import IDENTITY, Pose, Quaternion
 
 
 def inverse(pose: Pose) -> Pose:
@@ -32,6 +35,17 @@ def compose(left: Pose, right: Pose) -> Pose:
             aw * by + ay * bw + az * bx - ax * bz,
             aw * bz + az * bw + ax * by - ay * bx,
             aw * bw - ax * bx - ay * by - az * bz)
+
+
+def matrices(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the homogeneous matrices, (n, 4, 4), of n poses, (7, n)."""
+    result = np.tile(np.eye(4), (columns.shape[1], 1, 1))
+    result[:, :3, 3] = columns[:3].T
+    x, y, z, w = columns[3:]
+    for i in range(3):
+        unit = (*np.eye(3)[i].tolist(), *IDENTITY[3:])
+        result[:, :3, i] = np.transpose(compose((0.0, 0.0, 0.0, x, y, z, w), unit)[:3])
+    return result
 
 
 def normalized(x: float, y: float, z: float, w: float) -> Quaternion:

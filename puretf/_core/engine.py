@@ -11,6 +11,7 @@ from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from functools import partial
+from itertools import pairwise
 import logging
 from operator import index
 import os
@@ -18,10 +19,14 @@ from threading import RLock
 from typing import Any, Optional, Protocol
 from weakref import ref, WeakSet
 
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf._core import failures
 from puretf._core.hints import Blocked, Look, Surroundings
 from puretf._core.insertion import Insertion
 from puretf._core.lookup import Lookups
-from puretf._core.pose import BatchOrRows, Pose
+from puretf._core.pose import Batch, BatchOrRows, Pose, POSE_BYTES
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.tree import FrameTree
 from puretf._core.wake import Wake
@@ -137,11 +142,7 @@ class Engine:
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
         """Insert a pose as `BufferBase.insert` does."""
-        if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
-            raise TypeError(f'a frame id must be a str, got {described(frame_id)} and '
-                            f'{described(child_frame_id)}')
-        if not isinstance(authority, str):
-            raise TypeError(f'an authority must be a str, got {described(authority)}')
+        _check_names(frame_id, child_frame_id, authority)
         stamp = index(stamp)
         if not -_INT64 <= stamp < _INT64:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
@@ -161,18 +162,51 @@ class Engine:
         self.after_insertion()
         return is_accepted
 
-    def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
-        """Insert the transforms of messages, much faster than by one `insert` per transform."""
+    def insert_many(self, stamps: NDArray[np.int64], frame_id: str, child_frame_id: str,
+                    poses: NDArray[np.float64], authority: str) -> bool:
+        """Insert (n, 7) poses as `BufferBase.insert_many` does."""
+        _check_names(frame_id, child_frame_id, authority)
+        order = np.argsort(stamps, kind='stable')
+        stamps, data = stamps[order], poses[order].tobytes()
+        batches: list[BatchOrRows] = []
+        # Of one stamp, a batch has one pose. To the first pose of a frame, nothing is appended.
+        is_first = np.diff(stamps, prepend=stamps[:1]) == 0
+        is_first[1:2] = True
+        for begin, end in pairwise([*np.flatnonzero(is_first).tolist(), len(stamps)]):
+            batch = Batch([frame_id.removeprefix('/')], [child_frame_id.removeprefix('/')],
+                          authority)
+            batch.stamps = array('q', stamps[begin:end].tobytes())
+            batch.poses = [data[i * POSE_BYTES:(i + 1) * POSE_BYTES] for i in range(begin, end)]
+            batches.append(batch)
+        return self.insert_batches(batches)
+
+    def insert_batches(self, batches: Iterable[BatchOrRows]) -> bool:
+        """
+        Insert the transforms of messages, much faster than by one `insert` per transform.
+
+        Return False if a transform was refused.
+        """
         self.update()
         with self.lock:
-            self._insert(batches)
+            is_accepted = self._insert(batches)
         self.after_insertion()
+        return is_accepted
 
-    def _insert(self, batches: Iterable[BatchOrRows]) -> None:
+    def _insert(self, batches: Iterable[BatchOrRows]) -> bool:
         before, self._is_changing = self._is_changing, True
-        self.insertion.insert_batches(batches)
+        is_accepted = self.insertion.insert_batches(batches)
         self._is_changing = before
         self._notify_lookups()
+        return is_accepted
+
+    def remove(self, name: str) -> None:
+        """Remove a frame as `BufferBase.remove` does."""
+        self.update_for_user()  # so that messages that have arrived are removed, too
+        with self.lock:
+            failures.check(self.tree, name, 'remove')
+            before, self._is_changing = self._is_changing, True
+            self.insertion.remove(name)
+            self._is_changing = before
 
     def _notify_lookups(self) -> None:
         self.generation += 1
@@ -276,6 +310,14 @@ class Engine:
         self.insertion.log.write = logging.getLogger('puretf').warning
         self.tree.copy_samples()
         self._mend()  # another thread may have been inserting
+
+
+def _check_names(frame_id: object, child_frame_id: object, authority: object) -> None:
+    if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
+        raise TypeError(f'a frame id must be a str, got {described(frame_id)} and '
+                        f'{described(child_frame_id)}')
+    if not isinstance(authority, str):
+        raise TypeError(f'an authority must be a str, got {described(authority)}')
 
 
 def _look(reference: 'ref[Engine]') -> Surroundings:

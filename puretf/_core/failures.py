@@ -145,7 +145,7 @@ def _slip(tree_ref: ref[FrameTree], names: tuple[str, ...], *roots: str) -> str:
     """
     Name a root and a frame of the other tree that are probably meant to be one frame.
 
-    The lock is not needed: frames are never removed.
+    The lock is not needed: a frame that has been removed has no ancestors.
     """
     tree = tree_ref()
     if tree is not None:
@@ -160,4 +160,4 @@ def _children(tree_ref: ref[FrameTree]) -> set[str]:
     """Return the frames that have had a parent; the lock is not needed."""
     tree = tree_ref()
     return set() if tree is None else {
-        name for name in tree.names if tree.histories[name] is not None}
+        name for name in tree.names if tree.histories.get(name) is not None}

@@ -110,20 +110,23 @@ class Insertion:
             return False
         return True
 
-    def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
+    def insert_batches(self, batches: Iterable[BatchOrRows]) -> bool:
         """
         Insert the transforms of messages, as if `insert` were called for each transform.
+
+        Return False if one was refused.
 
         Most transforms of a batch are newer than all samples of their child frame, and have the
         same parent. If all poses of the batch are finite, such transforms are appended unchecked.
         """
-        now = monotonic_ns()
+        now, is_accepted = monotonic_ns(), True
         for batch in batches:
             try:
                 if isinstance(batch, Rows):
                     for stamp, parent, child, pose in batch.rows:
-                        self.insert(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
-                                    batch.authority, batch.is_static)
+                        is_accepted &= self.insert(
+                            stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
+                            batch.authority, batch.is_static)
                     continue
                 number, count = len(batch.children), len(batch.stamps)
                 poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
@@ -143,11 +146,19 @@ class Insertion:
                             self._drop_oldest(history, count, child, batch.authority)
                         continue
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
-                        self.insert(stamp, parent, child, _unpack_pose(packed),
-                                    batch.authority, False)
+                        is_accepted &= self.insert(stamp, parent, child, _unpack_pose(packed),
+                                                   batch.authority, False)
             except Exception:  # no memory, or a bug in this package: insert the other batches
                 self.log.warn_once('insertion', format_exc(), 1.0)
                 self.mend()
+                is_accepted = False
+        return is_accepted
+
+    def remove(self, name: str) -> None:
+        """Remove the samples of a frame; its name stays if it is a parent."""
+        self._tree.remove(name)
+        self._lookups.paths.clear()
+        self._count_samples()
 
     def clear(self) -> None:
         """Remove all dynamic transforms, and forget which frames there was a warning of."""

@@ -34,8 +34,8 @@ class FrameTree:
         """
         The names of all frames, in the order of `histories`.
 
-        Names are never removed, and the tuple does not change. So the text of an error can be
-        written later from it, without the lock of the buffer.
+        The tuple does not change. So the text of an error can be written later from it, without
+        the lock of the buffer.
         """
         return tuple(self.histories)
 
@@ -44,6 +44,13 @@ class FrameTree:
         for name, history in self.histories.items():
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
+
+    def remove(self, name: str) -> None:
+        """Drop the samples of a frame; its name stays if it is the parent of another one."""
+        self.histories[name] = None
+        if not any(name in history.all_parents
+                   for history in self.histories.values() if history is not None):
+            del self.histories[name]
 
     def mend(self) -> None:
         """Drop the samples of each frame in which a change was interrupted."""
@@ -89,7 +96,7 @@ class FrameTree:
         found = [frame]
         seen = {frame}
         for name in found:
-            if (history := self.histories[name]) is not None:
+            if (history := self.histories.get(name)) is not None:
                 parents = [*history.all_parents]  # at once, since `_slip` has no lock
                 found += [parent for parent in parents if parent not in seen]
                 seen.update(parents)

@@ -9,6 +9,7 @@ import pickle
 import signal
 import sys
 import threading
+from types import SimpleNamespace
 from typing import Any, cast
 import weakref
 
@@ -387,15 +388,119 @@ def test_many_at_once():
         (0, 3), (0, 4), (0,)]
 
 
+def test_many_at_once_as_matrices():
+    """They are those of the transforms; a matrix without a transform is NaN."""
+    buffer = TransformBuffer()
+    buffer.insert(T, 'a', 'b', (1.0, 2.0, 3.0, 0.5, 0.5, 0.5, 0.5))
+    buffer.insert(T + S, 'a', 'b', (2.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8))
+    times = [T + S // 4, T - 1, T + S]
+    first, unknown, last = buffer.lookup_transforms('a', 'b', times, as_matrices=True)
+    assert first == pytest.approx(buffer.lookup_transform('a', 'b', times[0]).matrix())
+    assert np.isnan(unknown).all()
+    assert last == pytest.approx(np.array([
+        [0.28, -0.96, 0.0, 2.0], [0.96, 0.28, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0],
+        [0.0, 0.0, 0.0, 1.0]]))
+    assert buffer.lookup_transforms('a', 'b', [], as_matrices=True).shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize('times', [
+    np.array([T, T + S]).astype('datetime64[ns]'),
+    np.array(['2023-11-14T22:13:20', '2023-11-14T22:13:21'], 'datetime64[s]'),
+    [SimpleNamespace(nanoseconds=T), SimpleNamespace(sec=1_700_000_001, nanosec=0)],
+    [T, SimpleNamespace(nanoseconds=T + S)]])
+def test_many_times_of_other_types(times):
+    """Times may be datetime64, or objects with the attributes of ROS."""
+    buffer = TransformBuffer()
+    buffer.insert_many(times, 'a', 'b', [(1.0, 0.0, 0.0, *STILL), (2.0, 0.0, 0.0, *STILL)])
+    assert buffer.path_stamps('a', 'b').tolist() == [T, T + S]
+    assert buffer.lookup_transforms('a', 'b', times)[0][:, 0].tolist() == [1.0, 2.0]
+
+
 @pytest.mark.parametrize(('times', 'error'), [
-    ([0.5], r'integers \(ns\), got float64'),
-    ([2 ** 63], r'int64 \(ns\), got 9223372036854775808'),
+    ([0.5], r'integers \(ns\), datetime64 or times of ROS, got float64'),
+    (['now'], r'integers \(ns\), datetime64 or times of ROS, got <U3'),
+    ([1, None], r'times must have sec and nanosec, or nanoseconds. Got None'),
+    ([2**63], r'int64 \(ns\), got 9223372036854775808'),
+    ([2**64], r'int64 \(ns\), got 18446744073709551616'),
+    ([0, -2**63 - 1], r'int64 \(ns\), got -9223372036854775809'),
+    (np.array(['2024', 'NaT'], 'datetime64[D]'), 'got NaT at index 1'),
+    (np.array(['3000'], 'datetime64[D]'), 'whole ns from 1678 to 2262, got 3000-01-01'),
     ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
     (5, r'shape \(n,\), got \(\)')])
-def test_many_at_once_refuses_what_is_no_row_of_integers(times, error):
-    """The error says what the argument is instead of an array of int64 (ns) of shape (n,)."""
+def test_many_at_once_refuses_what_are_no_times(times, error):
+    """The error says what the argument is instead of an array of times of shape (n,)."""
     with pytest.raises((TypeError, ValueError, OverflowError), match=error):
         TransformBuffer().lookup_transforms('a', 'b', times)
+
+
+@pytest.mark.parametrize('stamps', [
+    [], [5], [1, 2, 3, 4], [4, 1, 3, 2], [2, 2], [1, 2, 2, 2, 3, 3], [12, 1, 2, 11], [0, 1]])
+def test_many_insertions_at_once(stamps):
+    """The data are as if each pose were inserted, in the order of the stamps."""
+    random = np.random.default_rng(1)
+    poses = random.normal(size=(len(stamps), 7))
+    whole, single = TransformBuffer(10), TransformBuffer(10)
+    for buffer in whole, single:
+        put(buffer, 'map', 'other', 1)
+    assert whole.insert_many(stamps, '/map', '/tool', poses, 'me') is True
+    for i in np.argsort(stamps, kind='stable'):
+        single.insert(stamps[i], 'map', 'tool', poses[i], 'me')
+    assert whole.dump() == single.dump()
+    late = [stamp + 3 for stamp in stamps]
+    assert whole.insert_many(late, 'odom', 'tool', poses, 'you') is True
+    for i in np.argsort(late, kind='stable'):
+        single.insert(late[i], 'odom', 'tool', poses[i], 'you')
+    assert whole.dump() == single.dump()
+
+
+def test_many_insertions_that_are_refused(caplog):
+    """The others are inserted; the log says why."""
+    poses = np.tile((0.0, 0.0, 0.0, *STILL), (3, 1))
+    buffer = TransformBuffer(10)
+    put(buffer, 'map', 'tool', 20)
+    assert buffer.insert_many([9, 15, 16], 'map', 'tool', poses) is False
+    assert buffer.path_stamps('map', 'tool').tolist() == [15, 16, 20]
+    poses[1, 3:] = 0.0
+    assert buffer.insert_many([21, 22, 23], 'map', 'cup', poses) is False
+    assert buffer.path_stamps('map', 'cup').tolist() == [21, 23]
+    assert 'cup' in caplog.text
+
+
+@pytest.mark.parametrize(('arguments', 'error'), [
+    (([1], 'a', 'b', np.zeros((2, 7))), r'shape \(1, 7\), one for each stamp, got \(2, 7\)'),
+    (([1], 'a', 'b', np.zeros((1, 6))), r'got \(1, 6\)'),
+    (([1.5], 'a', 'b', np.zeros((1, 7))), 'stamps must be integers'),
+    (([1], 1, 'b', np.zeros((1, 7))), 'a frame id must be a str'),
+    (([1], 'a', 'b', np.zeros((1, 7)), None), 'an authority must be a str')])
+def test_many_insertions_with_wrong_arguments(arguments, error):
+    """Nothing is inserted."""
+    buffer = TransformBuffer()
+    with pytest.raises((TypeError, ValueError), match=error):
+        buffer.insert_many(*arguments)
+    assert not buffer.frame_names()
+
+
+def test_a_frame_is_removed():
+    """Its name stays while it is the parent of another frame; a transform brings it back."""
+    buffer = TransformBuffer()
+    put(buffer, 'map', 'base', T, 1.0)
+    put(buffer, 'base', 'tool', T, 2.0, is_static=True)
+    assert x_at(buffer, 'map', 'tool') == 3.0
+    buffer.remove('base')
+    assert buffer.frame_names() == ['base', 'map', 'tool']
+    assert not buffer.can_transform('map', 'base')
+    assert x_at(buffer, 'base', 'tool') == 2.0
+    buffer.remove('tool')
+    assert buffer.frame_names() == ['base', 'map']
+    buffer.remove('base')
+    with pytest.raises(LookupException, match='"base" passed to remove does not exist'):
+        buffer.remove('base')
+    with pytest.raises(LookupException, match="'map'"):
+        buffer.lookup_transform('map', 'base')
+    put(buffer, 'map', 'base', T - S, 4.0)  # it is not too old
+    assert x_at(buffer, 'map', 'base') == 4.0
+    with pytest.raises(TypeError, match='a frame must be a str'):
+        buffer.remove(cast(str, 5))
 
 
 def test_numbers_come_out_as_floats():
@@ -669,6 +774,7 @@ def test_everything_that_is_known_as_json():
         'fixed': {'parents': ['map'], 'stamps': [0], 'poses': [[3, 0, 0, 0, 0, 0, 1]],
                   'authority': 'he', 'is_static': True}}
     assert [*known] == buffer.frame_names()
+    assert json.loads(json.dumps(TransformBuffer.load(known).dump())) == known
     for of_frame in buffer.dump().values():
         of_frame['stamps'].append(7)
     assert json.loads(json.dumps(buffer.dump())) == known
@@ -678,6 +784,39 @@ def test_everything_that_is_known_as_json():
     buffer.clear()
     assert buffer.dump()['tool'] == nothing
     assert buffer.dump()['fixed'] == known['fixed']
+
+
+def test_a_buffer_is_loaded():
+    """It answers as the one that was dumped, and keeps what is inserted later."""
+    buffer, random = TransformBuffer(10 * S), np.random.default_rng(1)
+    for i in range(50):
+        pose = cast(Any, random.normal(size=7))
+        buffer.insert(T + i * S // 10, 'map' if i < 30 else 'odom', 'base', pose)
+    put(buffer, 'odom', 'map', T, 1.0, is_static=True)
+    loaded = TransformBuffer.load(json.loads(json.dumps(buffer.dump())))
+    times = T + np.arange(0, 5 * S, S // 30)
+    for ours, theirs in zip(loaded.lookup_transforms('odom', 'base', times),
+                            buffer.lookup_transforms('odom', 'base', times)):
+        assert np.allclose(ours, theirs, rtol=0.0, atol=1e-12, equal_nan=True)
+    assert loaded.frames() == buffer.frames()
+    put(loaded, 'map', 'base', T + 10**6 * S)
+    assert loaded.path_stamps('map', 'base')[0] == T
+
+
+@pytest.mark.parametrize(('changes', 'error'), [
+    ({'stamps': [T, T]}, 'zip'), ({'poses': [[1.0]]}, 'values'), ({'parents': [5]}, 'frame id'),
+    ({'poses': [[0.0] * 7]}, 'refused'), ({'stamps': [0.5]}, 'float'), ({'authority': 5}, 'str')])
+def test_a_buffer_is_loaded_from_other_data(changes, error):
+    """The error names the frame."""
+    buffer = TransformBuffer()
+    put(buffer, 'map', 'base')
+    dump = buffer.dump()
+    dump['base'].update(changes)
+    with pytest.raises(ValueError, match=f"frame 'base' are not those of dump.*{error}"):
+        TransformBuffer.load(dump)
+    del dump['base']['poses']
+    with pytest.raises(ValueError, match=r"frame 'base' are not those of dump.*poses"):
+        TransformBuffer.load(dump)
 
 
 def test_the_chain_between_two_frames():
