@@ -35,10 +35,11 @@ from puretf import rotations
 from puretf._core.composition import compose, normalized
 from puretf._core.pose import Pose as FramePose
 from puretf.exceptions import described, is_of_rosbags
+from puretf.point_cloud2 import layout
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: The datatypes of x, y and z: the name in numpy, and the size (bytes).
-_TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
+#: The datatypes of x, y and z.
+_TYPES = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
 
 
 def to_msg_msg(msg: Any) -> Any:
@@ -229,14 +230,5 @@ def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.flo
         names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)
         raise ValueError(f'the cloud needs a field {name} of FLOAT32 or FLOAT64; its fields: '
                          f'{names or "none"}')
-    kind, size = _TYPES[field.datatype]
-    rows, columns, point_step = cloud.height, cloud.width, cloud.point_step
-    row_step = cloud.row_step if rows > 1 else columns * point_step
-    if (field.offset + size > point_step or row_step < columns * point_step
-            or (len(data) < (rows - 1) * row_step + columns * point_step and rows * columns)):
-        raise ValueError(
-            f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '
-            f'{row_step} bytes a row, {name} at byte {field.offset}, in {len(data)} bytes of data')
-    return np.ndarray(
-        (rows, columns), ('>' if cloud.is_bigendian else '<') + kind, data,
-        field.offset if rows * columns else 0, (row_step, point_step))
+    dtype = np.dtype(('>' if cloud.is_bigendian else '<') + _TYPES[field.datatype])
+    return layout(cloud, dtype, data, field.offset, name)

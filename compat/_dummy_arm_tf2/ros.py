@@ -9,5 +9,5 @@ except ModuleNotFoundError as error:
     if error.name not in ('geometry_msgs', 'rclpy', 'sensor_msgs', 'std_msgs'):
         raise
     raise ModuleNotFoundError(
-        f'this module of tf2 needs ROS 2, but {error.name} is not installed: pip install '
+        f'this module needs ROS 2, but {error.name} is not installed: pip install '
         '"ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces', name=error.name) from None

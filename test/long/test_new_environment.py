@@ -24,7 +24,8 @@ READ = """if True:
 #: A program that imports all packages of compat, of which nothing in the clone is used.
 IMPORT = """if True:
     from pathlib import Path
-    import tf2_geometry_msgs, tf2_msgs.msg, tf2_py, tf2_ros, tf2_sensor_msgs, tf_transformations
+    import sensor_msgs_py.point_cloud2, tf2_geometry_msgs, tf2_msgs.msg, tf2_py, tf2_ros
+    import tf2_sensor_msgs, tf_transformations
     import puretf
     assert tf2_ros.Buffer is puretf.Buffer
     print(Path(tf2_ros.__file__).parents[1].name)

@@ -12,7 +12,7 @@ import pytest
     for block in BLOCKS if block.language == 'python' and not block.needs])
 def test_python_runs(start, bag_of_a_walk, block, request):  # noqa: F811
     """Each block is a complete program. Some of them need the arm, and one runs until Ctrl-C."""
-    for name in re.findall(r'^(?:import|from) (tf\w+)', block.code, re.MULTILINE):
+    for name in re.findall(r'^(?:import|from) (tf\w+|sensor_msgs_py)', block.code, re.MULTILINE):
         pytest.importorskip(name)
     lines = ['recorded at most 0.001 s'] * ('recorded at most' in block.code)
     if 'in robot.topics:' in block.code:

@@ -2,7 +2,8 @@
 The packages of `compat`: the import names of tf2, with the names and arguments of the real ones.
 
 data/tf2_api.json has the public names and signatures of the real packages of ROS 2 Jazzy, and of
-tf_transformations. What needs no ROS is in unit/test_compat.py.
+tf_transformations; those of sensor_msgs_py are from its source. What needs no ROS is in
+unit/test_compat.py.
 """
 
 import ast
@@ -23,15 +24,18 @@ from rclpy.action.client import ActionClient
 import puretf
 from puretf import Buffer
 import puretf.geometry
+import puretf.point_cloud2
 
 pytest.importorskip('_dummy_arm_tf2', reason='dummy-arm-tf2, of compat, is not installed')
 if HAS_TF2_MSGS:
     pytest.skip('the real tf2_msgs is found first', allow_module_level=True)
 
+import sensor_msgs_py.point_cloud2
 import tf2_geometry_msgs
 import tf2_msgs.msg
 import tf2_py
 import tf2_ros
+from tf2_sensor_msgs import tf2_sensor_msgs
 
 API: dict[str, dict[str, Any]] = json.loads((DATA / 'tf2_api.json').read_text())
 MESSAGES = {'PointStamped', 'PolygonStamped', 'Pose', 'PoseStamped', 'PoseWithCovarianceStamped',
@@ -48,7 +52,9 @@ UNRECORDED: dict[str, set[str]] = {
     'tf2_ros.static_transform_broadcaster': {'Node', 'QoSProfile', 'TransformStamped'},
     'tf2_ros.transform_broadcaster': {'Node', 'QoSProfile', 'TransformStamped'},
     'tf2_ros.transform_listener': {'Node', 'QoSProfile'},
-    'tf2_geometry_msgs': MESSAGES, 'tf2_geometry_msgs.tf2_geometry_msgs': MESSAGES}
+    'tf2_geometry_msgs': MESSAGES, 'tf2_geometry_msgs.tf2_geometry_msgs': MESSAGES,
+    'tf2_sensor_msgs.tf2_sensor_msgs': {'create_cloud', 'read_points'},
+    'sensor_msgs_py.point_cloud2': {'Header', 'PointCloud2', 'PointField'}}
 #: The classes that cannot be provided without services and actions of tf2_msgs.
 UNAVAILABLE = ['BufferClient', 'FrameGraph', 'LookupTransform']
 
@@ -125,6 +131,8 @@ def test_they_are_re_exports():
     assert tf2_ros.LookupException is tf2_py.LookupException is puretf.LookupException
     assert tf2_msgs.msg.TFMessage is tf2_ros.TFMessage is puretf.TFMessage
     assert tf2_geometry_msgs.do_transform_pose is puretf.geometry.do_transform_pose
+    assert sensor_msgs_py.point_cloud2.read_points is puretf.point_cloud2.read_points
+    assert tf2_sensor_msgs.create_cloud is puretf.point_cloud2.create_cloud
     with pytest.raises(AttributeError, match="no attribute 'Unknown'"):
         tf2_py.Unknown  # noqa: B018
 

@@ -37,20 +37,22 @@ def test_the_versions_are_equal():
 @needs_compat
 def test_without_ros():
     """Exceptions and rotations can be used; everything else is an error of one line."""
-    without_ros = code_without(name for name in ROS if not name.startswith('tf'))
+    without_ros = code_without(
+        name for name in ROS if not name.startswith(('tf', 'sensor_msgs')))
     assert run('-c', without_ros + """
 import tf_transformations
 from tf2_py import LookupException, TransformException
 print(tf_transformations.quaternion_from_euler(0, 0, 0))
 for code in ('import tf2_ros', 'import tf2_ros.buffer_client', 'import tf2_geometry_msgs',
-             'from tf2_py import BufferCore', 'import tf2_msgs.msg', 'import tf2_sensor_msgs'):
+             'from tf2_py import BufferCore', 'import tf2_msgs.msg', 'import tf2_sensor_msgs',
+             'import sensor_msgs_py.point_cloud2'):
     try:
         exec(code)
         print(code, 'is no error')
     except ImportError as error:
         print(error)
-""") == '(0.0, 0.0, 0.0, 1.0)\n' + 6 * (
-        'this module of tf2 needs ROS 2, but geometry_msgs is not installed: pip install '
+""") == '(0.0, 0.0, 0.0, 1.0)\n' + 7 * (
+        'this module needs ROS 2, but geometry_msgs is not installed: pip install '
         '"ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces\n')
 
 
@@ -65,5 +67,6 @@ def test_a_program_or_package_of_the_user_may_be_called_dummy_arm(tmp_path, path
     (program.parent / '__init__.py').touch()
     program.write_text('from tf2_py import LookupException\nimport tf_transformations\n'
                        'import tf2_ros, tf2_geometry_msgs, tf2_sensor_msgs, tf2_msgs.msg\n'
+                       'import sensor_msgs_py.point_cloud2\n'
                        'print(tf2_ros.Buffer().all_frames_as_string() == "")\n')
     assert run(*arguments, cwd=tmp_path) == 'True\n'
