@@ -7,11 +7,15 @@ from typing import Any, Optional, Union
 from geometry_msgs.msg import (
     PointStamped,
     PolygonStamped,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
+    QuaternionStamped,
     TransformStamped,
     Vector3Stamped,
+    WrenchStamped,
 )
+from nav_msgs.msg import Odometry, Path
 from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
@@ -69,7 +73,8 @@ class BufferInterface:
         Transform an object from the frame and time in its header to another frame.
 
         The types PointStamped, Vector3Stamped, PoseStamped, PoseWithCovarianceStamped,
-        PolygonStamped and PointCloud2 are registered. Register other types with
+        PolygonStamped and PointCloud2 are registered, as in tf2, and also QuaternionStamped,
+        WrenchStamped, PoseArray, Path and Odometry. Register other types with
         `TransformRegistration`.
 
         :param new_type: the type to which the result is converted; None: no conversion.
@@ -138,7 +143,13 @@ _transforms: dict[Any, Callable[..., Any]] = {
     PoseStamped: geometry.do_transform_pose_stamped,
     PoseWithCovarianceStamped: geometry.do_transform_pose_with_covariance_stamped,
     PolygonStamped: geometry.do_transform_polygon_stamped,
-    PointCloud2: geometry.do_transform_cloud}
+    PointCloud2: geometry.do_transform_cloud,
+    # The Python packages of tf2 register no functions for these types.
+    QuaternionStamped: geometry.do_transform_quaternion_stamped,
+    WrenchStamped: geometry.do_transform_wrench_stamped,
+    PoseArray: geometry.do_transform_pose_array,
+    Path: geometry.do_transform_path,
+    Odometry: geometry.do_transform_odometry}
 _to_messages: dict[Any, Callable[..., Any]] = dict.fromkeys(_transforms, geometry.to_msg_msg)
 _from_messages: dict[Any, Callable[..., Any]] = dict.fromkeys(_transforms, geometry.from_msg_msg)
 _conversions: dict[Any, Callable[..., Any]] = {}

@@ -1,14 +1,17 @@
 """
-Functions that apply a transform to points, vectors, poses, polygons and point clouds.
+Functions that apply a transform to points, vectors, poses, wrenches, paths and point clouds.
 
 Names and results are those of tf2_geometry_msgs and tf2_sensor_msgs. The data are in the child
 frame of the transform; their header is ignored. The result is in the parent frame of the
 transform, and has the header of the transform. Coordinates are in m.
+
+The Python packages of tf2 have no functions for PoseArray, QuaternionStamped, WrenchStamped, Path
+and Odometry. Those of a quaternion and a wrench return what tf2 returns in C++.
 """
 
 from array import array
 from collections.abc import Callable
-from copy import copy
+from copy import copy, deepcopy
 from functools import wraps
 from typing import Any, cast, TypeVar, Union
 
@@ -18,14 +21,19 @@ from geometry_msgs.msg import (
     PointStamped,
     PolygonStamped,
     Pose,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
+    QuaternionStamped,
     Transform,
     TransformStamped,
     Vector3,
     Vector3Stamped,
+    Wrench,
+    WrenchStamped,
 )
+from nav_msgs.msg import Odometry, Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2, PointField
@@ -34,6 +42,7 @@ from std_msgs.msg import Header
 from puretf import rotations
 from puretf._core.composition import compose, normalized
 from puretf._core.pose import Pose as FramePose
+from puretf._core.texts import comma_list, quoted
 from puretf.exceptions import described, is_of_rosbags
 from puretf.point_cloud2 import layout
 
@@ -91,9 +100,30 @@ def do_transform_point(point: PointStamped, transform: TransformStamped) -> Poin
 @_takes(Vector3Stamped)
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
     """Rotate a vector; the translation of the transform does not apply to vectors."""
-    rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
-    return Vector3Stamped(
-        header=_header(transform), vector=Vector3(**_moved(vector3.vector, rotation_only)))
+    return Vector3Stamped(header=_header(transform), vector=_rotated(vector3.vector, transform))
+
+
+@_takes(QuaternionStamped)
+def do_transform_quaternion_stamped(quaternion: QuaternionStamped, transform: TransformStamped
+                                    ) -> QuaternionStamped:
+    """Rotate an orientation; the quaternion of the result has w >= 0."""
+    pose = _transform_pose(Pose(orientation=quaternion.quaternion), transform)
+    return QuaternionStamped(header=_header(transform), quaternion=pose.orientation)
+
+
+@_takes(WrenchStamped)
+def do_transform_wrench_stamped(wrench: WrenchStamped, transform: TransformStamped
+                                ) -> WrenchStamped:
+    """
+    Rotate a force (N) and a torque (N m), as tf2 does in C++.
+
+    The torque remains the one about the origin of the child frame. To get the torque about the
+    origin of the parent frame, add the cross product of the translation of the transform and the
+    force of the result.
+    """
+    given = wrench.wrench
+    return WrenchStamped(header=_header(transform), wrench=Wrench(
+        force=_rotated(given.force, transform), torque=_rotated(given.torque, transform)))
 
 
 @_takes(Pose)
@@ -122,6 +152,47 @@ def do_transform_pose_with_covariance_stamped(
     result = PoseWithCovarianceStamped(header=_header(transform))
     result.pose.pose = _transform_pose(pose.pose.pose, transform)
     result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
+    return result
+
+
+@_takes(PoseArray)
+def do_transform_pose_array(poses: PoseArray, transform: TransformStamped) -> PoseArray:
+    """Transform each pose; the quaternions of the result have w >= 0."""
+    return PoseArray(header=_header(transform), poses=[
+        _transform_pose(pose, transform) for pose in poses.poses])
+
+
+@_takes(Path)
+def do_transform_path(path: Path, transform: TransformStamped) -> Path:
+    """
+    Transform each pose of a path by the same transform; each pose keeps its own stamp.
+
+    :raises ValueError: if a pose has another frame than the path; an empty name is none.
+    """
+    result = Path(header=_header(transform))
+    frames = {path.header.frame_id, *(pose.header.frame_id for pose in path.poses)} - {''}
+    if len(frames) > 1:
+        raise ValueError('the path and its poses have several frames, '
+                         f'{comma_list(sorted(frames), 5, quoted)}: transform each pose by '
+                         'do_transform_pose_stamped')
+    result.poses = [do_transform_pose_stamped(pose, transform) for pose in path.poses]
+    for pose, given in zip(result.poses, path.poses):
+        pose.header.stamp = copy(given.header.stamp)
+    return result
+
+
+@_takes(Odometry)
+def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Odometry:
+    """
+    Transform the pose of the robot, and the covariance of the pose.
+
+    The twist remains as it is: it is given in the axes of the `child_frame_id`, the frame of the
+    robot, which is the same in the result.
+    """
+    result = Odometry(header=_header(transform), child_frame_id=odometry.child_frame_id,
+                      twist=deepcopy(odometry.twist))
+    result.pose.pose = _transform_pose(odometry.pose.pose, transform)
+    result.pose.covariance = transform_covariance(odometry.pose.covariance, transform)
     return result
 
 
@@ -161,6 +232,10 @@ def _header(transform: TransformStamped) -> Header:
 
 def _moved(point: Union[Point, Point32, Vector3], pose: FramePose) -> dict[str, float]:
     return dict(zip('xyz', compose(pose, (point.x, point.y, point.z, *_IDENTITY))))
+
+
+def _rotated(vector: Vector3, transform: TransformStamped) -> Vector3:
+    return Vector3(**_moved(vector, (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))))
 
 
 def _pose_of(transform: TransformStamped) -> FramePose:

@@ -2,11 +2,12 @@
 
 try:
     import geometry_msgs  # noqa: F401
+    import nav_msgs  # noqa: F401
     import rclpy  # noqa: F401
     import sensor_msgs  # noqa: F401
     import std_msgs  # noqa: F401
 except ModuleNotFoundError as error:
-    if error.name not in ('geometry_msgs', 'rclpy', 'sensor_msgs', 'std_msgs'):
+    if error.name not in ('geometry_msgs', 'nav_msgs', 'rclpy', 'sensor_msgs', 'std_msgs'):
         raise
     raise ModuleNotFoundError(
         f'this module needs ROS 2, but {error.name} is not installed: pip install '

@@ -9,16 +9,20 @@ from geometry_msgs.msg import (
     PointStamped,
     PolygonStamped,
     Pose,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
+    QuaternionStamped,
     TransformStamped,
     Vector3,
     Vector3Stamped,
+    WrenchStamped,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 from model import matrix
+from nav_msgs.msg import Odometry, Path
 import numpy as np
 import pytest
 from rclpy.duration import Duration
@@ -41,6 +45,7 @@ from puretf import (
 from puretf.geometry import (
     do_transform_point,
     do_transform_pose,
+    do_transform_pose_stamped,
     transform_covariance,
     transform_points,
 )
@@ -72,6 +77,12 @@ def buffer():
 def moved(point):
     """Transform a point by the matrix."""
     return (matrix(XYZ, XYZW) @ [*point, 1.0])[:3]
+
+
+def matrix_of(pose):
+    """Return the 4 x 4 matrix of a pose."""
+    turned = pose.orientation
+    return matrix(xyz_of(pose.position), (*xyz_of(turned), turned.w))
 
 
 def xyz_of(message):
@@ -146,6 +157,114 @@ def test_a_polygon(buffer):
     assert [type(point) for point in result.polygon.points] == [Point32, Point32]
     assert np.array([xyz_of(point) for point in result.polygon.points]) == pytest.approx(
         np.array([moved((1, 0, 0)), moved((0, 2, -1))]))
+
+
+#: Poses in the camera, whose quaternions are not normalized.
+POSES = [((1.0, -2.0, 0.5), (0.0, 0.0, 0.0, 2.0)), ((0.0, 4.0, -1.0), (-0.5, 0.7, -0.1, -0.4)),
+         ((7.0, 0.0, 3.0), (0.1, 0.2, -0.3, 0.4))]
+
+
+def poses():
+    """Return the poses as messages."""
+    return [Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+            for (x, y, z), (qx, qy, qz, qw) in POSES]
+
+
+def check_poses(results):
+    """Compare the poses in the map with products of matrices."""
+    for result, (xyz, xyzw) in zip(results, POSES, strict=True):
+        assert type(result) is Pose
+        assert matrix_of(result) == pytest.approx(matrix(XYZ, XYZW) @ matrix(xyz, xyzw))
+        assert result.orientation.w >= 0.0
+
+
+def test_poses_of_an_array(buffer):
+    """Each pose is transformed, and the array that was given is unchanged."""
+    array = PoseArray(header=HEADER, poses=poses())
+    result = buffer.transform(array, 'map')
+    assert (type(result), result.header) == (PoseArray, Header(stamp=STAMP, frame_id='map'))
+    check_poses(result.poses)
+    assert array == PoseArray(header=HEADER, poses=poses())
+
+
+def path_of(frames):
+    """Return a path whose poses have these frames, and stamps of 0 s, 1 s and so on."""
+    return Path(header=HEADER, poses=[
+        PoseStamped(header=Header(stamp=Time(seconds=i).to_msg(), frame_id=frame), pose=pose)
+        for i, (frame, pose) in enumerate(zip(frames, poses()))])
+
+
+def test_a_path(buffer):
+    """All poses are in the map, and each has its own stamp; their frames may be left out."""
+    path = path_of(['camera', '', 'camera'])
+    result = buffer.transform(path, 'map')
+    assert (type(result), result.header) == (Path, Header(stamp=STAMP, frame_id='map'))
+    assert [pose.header for pose in result.poses] == [
+        Header(stamp=Time(seconds=i).to_msg(), frame_id='map') for i in range(3)]
+    check_poses([pose.pose for pose in result.poses])
+    result.poses[0].header.stamp.sec = 99
+    assert path == path_of(['camera', '', 'camera'])
+
+
+def test_a_path_whose_poses_have_other_frames(buffer):
+    """One transform does not fit all of them; the function that the error names transforms one."""
+    with pytest.raises(ValueError, match=(
+            "the path and its poses have several frames, 'camera', 'map': transform each pose by "
+            'do_transform_pose_stamped')):
+        buffer.transform(path_of(['camera', 'map']), 'map')
+    pose = path_of(['camera']).poses[0]
+    assert matrix_of(do_transform_pose_stamped(pose, transform()).pose) == pytest.approx(
+        matrix(XYZ, XYZW) @ matrix(*POSES[0]))
+
+
+def test_an_orientation(buffer):
+    """It is rotated; w is positive or 0."""
+    for _, (x, y, z, w) in POSES:
+        quaternion = Quaternion(x=x, y=y, z=z, w=w)
+        result = buffer.transform(QuaternionStamped(header=HEADER, quaternion=quaternion), 'map')
+        assert (type(result), result.header) == (
+            QuaternionStamped, Header(stamp=STAMP, frame_id='map'))
+        assert matrix_of(Pose(orientation=result.quaternion)) == pytest.approx(
+            matrix((0, 0, 0), XYZW) @ matrix((0, 0, 0), (x, y, z, w)))
+        assert result.quaternion.w >= 0.0
+        assert quaternion == Quaternion(x=x, y=y, z=z, w=w)
+
+
+def test_a_wrench(buffer):
+    """Both vectors are rotated; the torque about the origin of the map is what the page says."""
+    wrench = WrenchStamped(header=HEADER)
+    wrench.wrench.force, wrench.wrench.torque = Vector3(x=1.0, y=-2.0, z=0.5), Vector3(y=3.0)
+    result = buffer.transform(wrench, 'map')
+    assert (type(result), result.header) == (WrenchStamped, Header(stamp=STAMP, frame_id='map'))
+    force, torque = xyz_of(result.wrench.force), xyz_of(result.wrench.torque)
+    rotation = matrix(XYZ, XYZW)[:3, :3]
+    assert force == pytest.approx(rotation @ (1.0, -2.0, 0.5))
+    assert torque == pytest.approx(rotation @ (0.0, 3.0, 0.0))
+    # A force f at a point p has the torque p x f about the origin of each frame.
+    wrench.wrench.torque = Vector3(**dict(zip('xyz', np.cross((4, 5, 6), (1.0, -2.0, 0.5)))))
+    torque = xyz_of(buffer.transform(wrench, 'map').wrench.torque)
+    assert np.add(torque, np.cross(XYZ, force)) == pytest.approx(np.cross(moved((4, 5, 6)), force))
+    assert xyz_of(wrench.wrench.force) == (1.0, -2.0, 0.5)
+
+
+def test_odometry(buffer):
+    """The pose and its covariance are transformed; the twist is in the axes of the robot."""
+    odometry = Odometry(header=HEADER, child_frame_id='base_link')
+    odometry.pose.pose = poses()[1]
+    root = np.random.default_rng(4).normal(size=(6, 6))
+    odometry.pose.covariance, odometry.twist.covariance = (root @ root.T).ravel(), root.ravel()
+    odometry.twist.twist.linear.x, odometry.twist.twist.angular.z = 1.5, -0.5
+    given = deepcopy(odometry)
+    result = buffer.transform(odometry, 'map')
+    assert (type(result), result.header, result.child_frame_id) == (
+        Odometry, Header(stamp=STAMP, frame_id='map'), 'base_link')
+    assert matrix_of(result.pose.pose) == pytest.approx(matrix(XYZ, XYZW) @ matrix(*POSES[1]))
+    turned = np.zeros((6, 6))
+    turned[:3, :3] = turned[3:, 3:] = matrix(XYZ, XYZW)[:3, :3]
+    assert result.pose.covariance == pytest.approx((turned @ root @ root.T @ turned.T).ravel())
+    assert str(result.twist) == str(given.twist)
+    result.twist.twist.linear.x = result.twist.covariance[0] = 99.0
+    assert str(odometry) == str(given)
 
 
 def test_between_two_times():

@@ -7,14 +7,19 @@ from typing import Any
 from geometry_msgs.msg import (
     Point,
     PointStamped,
+    PolygonStamped,
     Pose,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
+    QuaternionStamped,
     TransformStamped,
     Vector3,
     Vector3Stamped,
+    WrenchStamped,
 )
+from nav_msgs.msg import Odometry, Path
 import numpy as np
 import pytest
 import rclpy
@@ -339,8 +344,9 @@ def test_a_type_that_no_function_transforms(buffer):
     """Those that have one follow tf2's words."""
     assert error_of(TypeException, buffer.transform, Pose(), 'map') == (
         "Type <class 'geometry_msgs.msg._pose.Pose'> is not loaded or supported. The types with a "
-        'function: PointCloud2, PointStamped, PolygonStamped, PoseStamped, '
-        'PoseWithCovarianceStamped, Vector3Stamped')
+        'function: Odometry, Path, PointCloud2, PointStamped, PolygonStamped, PoseArray, '
+        'PoseStamped, PoseWithCovarianceStamped, QuaternionStamped, Vector3Stamped, '
+        'WrenchStamped')
 
 
 @pytest.mark.parametrize(('name', 'given', 'end'), [
@@ -352,6 +358,13 @@ def test_a_type_that_no_function_transforms(buffer):
     ('vector3', PointStamped(), ': use do_transform_point'),
     ('point', Vector3Stamped(), ': use do_transform_vector3'),
     ('polygon_stamped', PointStamped(), ': use do_transform_point'),
+    ('pose_array', Path(poses=[PoseStamped()]), ': use do_transform_path'),
+    ('path', PoseArray(poses=[Pose()]), ': use do_transform_pose_array'),
+    ('odometry', PoseWithCovarianceStamped(), ': use do_transform_pose_with_covariance_stamped'),
+    ('wrench_stamped', QuaternionStamped(), ': use do_transform_quaternion_stamped'),
+    ('quaternion_stamped', WrenchStamped(), ': use do_transform_wrench_stamped'),
+    ('pose_stamped', PolygonStamped(), ': use do_transform_polygon_stamped'),
+    ('polygon_stamped', Odometry(), ': use do_transform_odometry'),
     ('point', Point(), 'takes a PointStamped and a TransformStamped, got a Point and a '
      'TransformStamped')])
 def test_data_of_another_type(name, given, end):
