@@ -47,7 +47,8 @@ from puretf.exceptions import described, is_of_rosbags
 from puretf.point_cloud2 import layout
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: The datatypes of x, y and z.
+_NORMAL = 'normal_x', 'normal_y', 'normal_z'
+#: The datatypes of points and normals.
 _TYPES = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
 
 
@@ -257,10 +258,13 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
 def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, TransformStamped]
                        ) -> PointCloud2:
     """
-    Transform x, y and z of the points of a cloud; all other fields are copied.
+    Transform x, y and z of the points of a cloud, and rotate its normals; copy all other fields.
+
+    Normals are the fields normal_x, normal_y and normal_z. They are copied, too, if one of them is
+    missing, or is neither FLOAT32 nor FLOAT64.
 
     :param cloud: a cloud of any layout, with x, y, z of the datatype FLOAT32 or FLOAT64. If one
-        of them is NaN, all three are NaN in the result.
+        of them is NaN, all three are NaN in the result; so it is for normals.
     :returns: a new cloud, with data of its own. If `transform` is a Transform, which has no
         header, the header is that of the given cloud.
     :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
@@ -272,14 +276,21 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
         result.header = _header(transform)
         transform = transform.transform
     data = array('B', bytes(cloud.data))
-    points = [_column(cloud, name, data) for name in 'xyz']
     rotation = rotations.matrix([getattr(transform.rotation, name) for name in 'xyzw'])
     translation = transform.translation.x, transform.translation.y, transform.translation.z
-    xyz = [column.astype(np.float64) for column in points]
-    for column, row, offset in zip(points, rotation, translation):
-        column[...] = row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2] + offset
+    _move([_column(cloud, name, data) for name in 'xyz'], rotation, translation)
+    if {*_NORMAL} <= {field.name for field in cloud.fields if field.datatype in _TYPES}:
+        _move([_column(cloud, name, data) for name in _NORMAL], rotation, (0.0, 0.0, 0.0))
     result.data = data
     return result
+
+
+def _move(columns: list[NDArray[np.floating[Any]]], rotation: NDArray[np.float64],
+          translation: tuple[float, float, float]) -> None:
+    """Rotate and translate vectors in place; each column has one coordinate of all vectors."""
+    x, y, z = (column.astype(np.float64) for column in columns)
+    for column, row, offset in zip(columns, rotation, translation):
+        column[...] = row[0] * x + row[1] * y + row[2] * z + offset
 
 
 def transform_points(point_cloud: ArrayLike, transform: Transform) -> NDArray[np.float64]:

@@ -49,6 +49,7 @@ from puretf.geometry import (
     transform_covariance,
     transform_points,
 )
+from puretf.point_cloud2 import create_cloud, read_points_numpy
 
 HALF = math.sqrt(0.5)
 XYZ, XYZW = (1.0, 2.0, 3.0), (0.5, -0.5, 0.5, 0.5)
@@ -425,6 +426,37 @@ def test_a_cloud(buffer, big_endian, padding, height):
     assert after.header.frame_id == 'map'
     assert (after.fields, after.width, after.is_bigendian) == (
         before.fields, before.width, before.is_bigendian)
+
+
+@pytest.mark.parametrize(('datatype', 'size'), [
+    (PointField.FLOAT32, 4), (PointField.FLOAT64, 8)])
+def test_normals_are_rotated(buffer, datatype, size):
+    """The translation does not apply to them; the other fields are the same."""
+    names = ['x', 'y', 'z', 'curvature', 'normal_x', 'normal_y', 'normal_z']
+    values = np.random.default_rng(5).normal(size=(4, 7))
+    values[1, 4] = np.nan
+    fields = [PointField(name=name, offset=i * size, count=1, datatype=datatype)
+              for i, name in enumerate(names)]
+    before = create_cloud(HEADER, fields, values)
+    after = read_points_numpy(buffer.transform(before, 'map'))
+    rotation = matrix(XYZ, XYZW)[:3, :3]
+    expected = np.hstack([values[:, :3] @ rotation.T + XYZ, values[:, 3:4],
+                          values[:, 4:] @ rotation.T])
+    np.testing.assert_allclose(after, expected, rtol=1e-5, atol=1e-6)
+    assert np.isnan(after).sum() == 3
+    np.testing.assert_allclose(read_points_numpy(before), values, rtol=1e-6)
+
+
+@pytest.mark.parametrize('change', [{'name': 'normal'}, {'datatype': PointField.INT32}])
+def test_incomplete_normals_are_copied(buffer, change):
+    """One of them is missing, or has another datatype."""
+    fields = [PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+              for i, name in enumerate(['x', 'y', 'z', 'normal_x', 'normal_y', 'normal_z'])]
+    before = create_cloud(HEADER, fields, np.ones((2, 6)))
+    for name, value in change.items():
+        setattr(before.fields[5], name, value)
+    after = np.frombuffer(buffer.transform(before, 'map').data, 'f4').reshape(2, 6)
+    np.testing.assert_allclose(after, [[*moved((1, 1, 1)), 1, 1, 1]] * 2, rtol=1e-6)
 
 
 def test_a_cloud_without_points(buffer):
