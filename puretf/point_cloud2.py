@@ -204,7 +204,7 @@ def layout(cloud: PointCloud2, dtype: np.dtype[Any], data: Any, offset: int = 0,
     size = columns * point_step
     row_step = size if rows == 1 or len(data) == rows * size else cloud.row_step
     if (offset + dtype.itemsize > point_step or row_step < size
-            or (len(data) < (rows - 1) * row_step + size and rows * columns)):
+            or len(data) < (rows - 1) * row_step + size):
         raise ValueError(
             f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '
             f'{row_step} bytes a row, {name} at byte {offset}, in {len(data)} bytes of data')
