@@ -1,11 +1,14 @@
 """The description of a robot, parsed from URDF; needs no ROS."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import hypot, inf
+from numbers import Real
+import sys
 from typing import NamedTuple, Optional
 from xml.etree import ElementTree
 
-from puretf import comma_list, quoted, suggest_names
+from puretf import comma_list, LONGEST_NAME, quoted, suggest_names, TransformBuffer
+from puretf.exceptions import described
 from puretf.rotations import conjugate, multiply, quaternion_about_axis
 from puretf_tools.inspection.forest import descend
 from puretf_tools.robot.shapes import origin, Pose, pose, Shape, shapes
@@ -14,6 +17,8 @@ from puretf_tools.robot.urdf_text import attribute, numbers, refuse, robot_eleme
 #: The types of joints.
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed', 'planar', 'floating')
 MOVABLE = ('revolute', 'continuous', 'prismatic')
+#: The largest position (rad or m), and the largest multiplier and offset of a mimic.
+LARGEST = 1e9
 #: The numbers that a joint may have, by element, and their defaults; None: it is required.
 _NUMBERS: dict[str, dict[str, Optional[Sequence[float]]]] = {
     'limit': {'lower': [0.0], 'upper': [0.0], 'effort': None, 'velocity': None},
@@ -81,6 +86,52 @@ class Description(NamedTuple):
     visuals: tuple[Shape, ...]
     collisions: tuple[Shape, ...]
     warnings: tuple[str, ...] = ()
+
+    def poses(self, joint_positions: Mapping[str, float] = {}) -> TransformBuffer:
+        """
+        Return a buffer with the poses of all links, as static transforms: they hold at all times.
+
+        Limits are not applied, as by robot_state_publisher. A joint with a mimic follows its
+        joint, unless it has a position of its own. A planar or floating joint is at its origin.
+
+        :param joint_positions: positions (rad or m) by the names of joints; the other joints are
+            at 0.
+        :raises TypeError: if the positions are not a mapping to numbers.
+        :raises ValueError: if no joint with this name can move, if a position is not between -1e9
+            and 1e9, or if a link has a name that no frame can have.
+        """
+        movable = {joint.name: joint for joint in self.joints if joint.is_movable}
+        _check_positions(joint_positions, movable)
+        rules = mimic_rules({name: joint._replace(mimic=None) if name in joint_positions else joint
+                             for name, joint in movable.items()})
+        buffer = TransformBuffer(max_frames=sys.maxsize, max_samples=None)
+        for joint in self.joints:
+            master, multiplier, offset = rules.get(joint.name, ('', 0.0, 0.0))
+            position = multiplier * float(joint_positions.get(master, 0.0)) + offset
+            if not buffer.insert(0, joint.parent, joint.child, joint.pose_at(position),
+                                 is_static=True):
+                raise ValueError(
+                    f'joint {quoted(joint.name)}: {quoted(joint.parent)} and '
+                    f'{quoted(joint.child)} cannot be two frames: rename the links; a name has 1 '
+                    f'to {LONGEST_NAME} bytes, and its leading slash does not count')
+        return buffer
+
+
+def _check_positions(positions: Mapping[str, float], movable: Mapping[str, Joint]) -> None:
+    if not isinstance(positions, Mapping):
+        raise TypeError('joint_positions must be a dict of names and positions, such as '
+                        f"{{'elbow': 0.5}}, got {described(positions)}")
+    for name, position in positions.items():
+        if name not in movable:
+            raise ValueError(
+                f'the robot has no joint {quoted(str(name))} that can move: correct the name, or '
+                f'leave it out. {suggest_names(str(name), tuple(movable), "joints")}')
+        if not isinstance(position, Real):
+            raise TypeError(f'the position of joint {quoted(name)} must be a number (rad or m), '
+                            f'got {described(position)}')
+        if not abs(position) <= LARGEST:
+            raise ValueError(f'the position of joint {quoted(name)} must be between '
+                             f'-{LARGEST:g} and {LARGEST:g} (rad or m), got {position}')
 
 
 def parse(text: str) -> Description:
@@ -183,3 +234,35 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
         refuse(f'joints form a loop, so that these links are not below the root '
                f'{quoted(roots[0])}: {comma_list(loop, 5, quoted)}')
     return roots[0], parents
+
+
+def mimic_rules(movable: Mapping[str, Joint]) -> dict[str, tuple[str, float, float]]:
+    """
+    Return, by the name of each joint, the free joint that it follows, a multiplier and an offset.
+
+    A joint is free, and follows itself, if it has no mimic, or that of itself, in a loop, of a
+    joint that is not among these, or with numbers above `LARGEST`.
+    """
+    rules: dict[str, tuple[str, float, float]] = {}
+    for name in movable:
+        path: list[str] = []
+        passed: set[str] = set()
+        while name not in rules and name not in passed:
+            path.append(name)
+            passed.add(name)
+            mimic = movable[name].mimic
+            if mimic is None or mimic.joint not in movable:
+                rules[name] = name, 1.0, 0.0
+            else:
+                name = mimic.joint
+        if name not in rules:  # a loop
+            for each in path[path.index(name):]:
+                rules[each] = each, 1.0, 0.0
+        for each in reversed(path):
+            if each not in rules and (mimic := movable[each].mimic):
+                master, multiplier, offset = rules[mimic.joint]
+                multiplier *= mimic.multiplier
+                offset = mimic.multiplier * offset + mimic.offset
+                is_sane = abs(multiplier) <= LARGEST and abs(offset) <= LARGEST
+                rules[each] = (master, multiplier, offset) if is_sane else (each, 1.0, 0.0)
+    return {name: rules[name] for name in movable}

@@ -3,10 +3,7 @@
 from collections.abc import Mapping
 from math import isfinite, pi, remainder, tau
 
-from puretf_tools.robot.description import Description, Joint
-
-#: The largest position (rad or m), and the largest multiplier and offset of a mimic.
-LARGEST = 1e9
+from puretf_tools.robot.description import Description, Joint, LARGEST, mimic_rules
 
 
 def bounds(joint: Joint) -> tuple[float, float]:
@@ -19,8 +16,7 @@ class JointPositions:
     """
     The positions of the movable joints (rad or m).
 
-    `free` are the joints that can be set, by name; the others follow them as their mimics. A mimic
-    of itself, in a loop, of a joint that cannot move, or with numbers above `LARGEST` is free.
+    `free` are the joints that can be set, by name; the others follow them by `mimic_rules`.
     """
 
     def __init__(self, description: Description, before: Mapping[str, float] = {}) -> None:
@@ -28,7 +24,7 @@ class JointPositions:
         self.description = description
         movable = {joint.name: joint for joint in description.joints if joint.is_movable}
         #: By the name of each movable joint: the free joint, the multiplier and the offset.
-        self._rules = _rules(movable)
+        self._rules = mimic_rules(movable)
         self.free = {name: movable[name] for name, (master, _, _) in self._rules.items()
                      if master == name}
         self._values: dict[str, float] = {}
@@ -65,29 +61,3 @@ class JointPositions:
         """Return the positions of all movable joints, in the order of the description."""
         return {name: multiplier * self._values[master] + offset
                 for name, (master, multiplier, offset) in self._rules.items()}
-
-
-def _rules(movable: Mapping[str, Joint]) -> dict[str, tuple[str, float, float]]:
-    rules: dict[str, tuple[str, float, float]] = {}
-    for name in movable:
-        path: list[str] = []
-        passed: set[str] = set()
-        while name not in rules and name not in passed:
-            path.append(name)
-            passed.add(name)
-            mimic = movable[name].mimic
-            if mimic is None or mimic.joint not in movable:
-                rules[name] = name, 1.0, 0.0
-            else:
-                name = mimic.joint
-        if name not in rules:  # a loop
-            for each in path[path.index(name):]:
-                rules[each] = each, 1.0, 0.0
-        for each in reversed(path):
-            if each not in rules and (mimic := movable[each].mimic):
-                master, multiplier, offset = rules[mimic.joint]
-                multiplier *= mimic.multiplier
-                offset = mimic.multiplier * offset + mimic.offset
-                is_sane = abs(multiplier) <= LARGEST and abs(offset) <= LARGEST
-                rules[each] = (master, multiplier, offset) if is_sane else (each, 1.0, 0.0)
-    return {name: rules[name] for name in movable}

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from transforms3d import affines, axangles, euler
 
+from puretf import Transform
 from puretf_tools.robot.description import Mimic, parse
 from puretf_tools.robot.urdf_text import DescriptionError, MAX_SIZE, read
 
@@ -104,8 +105,119 @@ def test_forward_kinematics(joints):
     description, expected = parse(text), oracle(text, positions)
     actual = {joint.child: (joint.parent, matrix_of(joint.pose_at(positions[joint.name])))
               for joint in description.joints}
+    buffer = description.poses({
+        joint.name: positions[joint.name] for joint in description.joints if joint.is_movable})
     for frame in description.links:
         np.testing.assert_allclose(in_root(actual, frame), in_root(expected, frame), atol=1e-9)
+        np.testing.assert_allclose(buffer.lookup_transform('l0', frame).matrix(),
+                                   in_root(expected, frame), atol=1e-9)
+
+
+def turn(axis, angle):
+    """Return the (4, 4) matrix of a rotation about x, y or z."""
+    i, j = {'x': (1, 2), 'y': (2, 0), 'z': (0, 1)}[axis]
+    result = np.eye(4)
+    result[i, i] = result[j, j] = np.cos(angle)
+    result[j, i], result[i, j] = np.sin(angle), -np.sin(angle)
+    return result
+
+
+def shift(*xyz):
+    """Return the (4, 4) matrix of a translation."""
+    result = np.eye(4)
+    result[:3, 3] = xyz
+    return result
+
+
+def test_poses_of_a_robot():
+    """All links in one buffer, at all times, also beyond limits; other joints are at 0."""
+    description = parse(tree(
+        ('shoulder', 'revolute', 'base', 'upper', '0 0 0.5', '0 0 0', '0 0 2'),
+        ('elbow', 'continuous', 'upper', 'lower', '0.4 0 0', '0 0 0', '0 1 0'),
+        ('slide', 'prismatic', 'lower', 'tip', '0.3 0 0', '0 0 0.5', '1 0 0'),
+        ('mount', 'fixed', 'tip', 'tool', '0 0.1 0', '0 0 1', '0 0 1'),
+        ('foot', 'planar', 'base', 'floor', '0 0 -1', '0 0 0', '0 0 1'),
+        ('cable', 'floating', 'base', 'plug', '0 0 -2', '0.2 0 0', '0 0 1')))
+    positions: Any = {'shoulder': 9, 'elbow': np.float32(-0.5), 'slide': np.int64(2)}
+    buffer = description.poses(positions)
+    assert {*buffer.frame_names()} == {*description.links}
+    lower = shift(0, 0, 0.5) @ turn('z', 9) @ shift(0.4, 0, 0) @ turn('y', -0.5)
+    tip = shift(0.3, 0, 0) @ turn('z', 0.5) @ shift(2, 0, 0)
+    tool = shift(0, 0.1, 0) @ turn('z', 1)
+    for time in 0, 1, -5, 2**62:
+        for target, source, expected in (
+                ('base', 'lower', lower), ('base', 'tool', lower @ tip @ tool),
+                ('tool', 'base', np.linalg.inv(lower @ tip @ tool)), ('lower', 'tip', tip),
+                ('floor', 'plug', shift(0, 0, -1) @ turn('x', 0.2))):
+            found = buffer.lookup_transform(target, source, time)
+            np.testing.assert_allclose(found.matrix(), expected, atol=1e-12)
+            assert found.stamp == time
+    assert buffer.set_transform_static(Transform(0, 'base', 'plug', (1.0, 0.0, 0.0)))
+    np.testing.assert_array_equal(buffer.lookup_transform('base', 'plug').matrix(), shift(1, 0, 0))
+    at_zero = shift(0.4, 0, 0.5) @ shift(0.3, 0, 0) @ turn('z', 0.5) @ tool
+    for origin in description.poses(), description.poses({}):
+        np.testing.assert_allclose(
+            origin.lookup_transform('base', 'tool').matrix(), at_zero, atol=1e-12)
+    assert parse(robot(links=['alone'])).poses().frame_names() == []
+
+
+def test_poses_of_joints_that_follow_others():
+    """Also through other mimics; a position of its own wins, as in robot_state_publisher."""
+    description = parse(robot(*(
+        joint(name, 'continuous', f'l{i}', f'l{i + 1}', axis='0 0 1', more=more)
+        for i, (name, more) in enumerate((
+            ('c', '<mimic joint="b" multiplier="-3" offset="1"/>'),
+            ('b', '<mimic joint="a" multiplier="2" offset="0.5"/>'),
+            ('a', ''), ('d', '<mimic joint="gone"/>'), ('e', '<mimic joint="e"/>')))),
+        links=[f'l{i}' for i in range(6)]))
+    for positions, expected in (
+            ({}, (-0.5, 0.5, 0, 0, 0)), ({'a': 0.25}, (-2, 1, 0.25, 0, 0)),
+            ({'a': 0.25, 'b': 0.1}, (0.7, 0.1, 0.25, 0, 0)), ({'b': 0.1}, (0.7, 0.1, 0, 0, 0)),
+            ({'c': 2.0, 'd': 3.0, 'e': 1.0}, (2, 0.5, 0, 3, 1))):
+        buffer = description.poses(positions)
+        for i, angle in enumerate(expected):
+            np.testing.assert_allclose(buffer.lookup_transform(f'l{i}', f'l{i + 1}').matrix(),
+                                       turn('z', angle), atol=1e-12)
+
+
+@pytest.mark.parametrize(('positions', 'error', 'text'), [
+    ({'sholder': 1.0}, ValueError, "the robot has no joint 'sholder' that can move: correct the "
+     "name, or leave it out. Nearest known: 'shoulder'."),
+    ({'mount': 1.0}, ValueError, "the robot has no joint 'mount' that can move: correct the "
+     "name, or leave it out. Known joints: 'shoulder', 'elbow'."),
+    ({3: 1.0}, ValueError, "the robot has no joint '3' that can move: correct the name, or leave "
+     "it out. Known joints: 'shoulder', 'elbow'."),
+    ({'elbow': float('nan')}, ValueError, "the position of joint 'elbow' must be between -1e+09 "
+     'and 1e+09 (rad or m), got nan'),
+    ({'elbow': -np.inf}, ValueError, "the position of joint 'elbow' must be between -1e+09 and "
+     '1e+09 (rad or m), got -inf'),
+    ({'elbow': 10**400}, ValueError, None),
+    ({'elbow': '1.0'}, TypeError, "the position of joint 'elbow' must be a number (rad or m), "
+     "got '1.0' of type str"),
+    ({'elbow': None}, TypeError, None), ({'elbow': [1.0]}, TypeError, None),
+    ([0.1, 0.2], TypeError, 'joint_positions must be a dict of names and positions, such as '
+     "{'elbow': 0.5}, got [0.1, 0.2] of type list"),
+    (None, TypeError, None)])
+def test_positions_that_are_wrong(positions, error, text):
+    """One line names the joint, and the nearest name; the remedies work."""
+    description = parse(tree(
+        ('shoulder', 'revolute', 'base', 'upper'), ('elbow', 'revolute', 'upper', 'lower'),
+        ('mount', 'fixed', 'lower', 'tool')))
+    with pytest.raises(error) as caught:
+        description.poses(positions)
+    assert re.fullmatch('.+', str(caught.value))
+    assert text in (None, str(caught.value))
+    description.poses({'shoulder': 1.0, 'elbow': 0.5})
+
+
+@pytest.mark.parametrize('name', ['/', '/base', 'x' * 1025])
+def test_links_that_cannot_be_frames(name):
+    """The error names both, and the remedy works."""
+    with pytest.raises(ValueError, match=r"^joint 'j': 'base' and .*: rename the links") as caught:
+        parse(tree(('j', 'fixed', 'base', name))).poses()
+    assert 'a name has 1 to 1024 bytes, and its leading slash does not count' in str(caught.value)
+    assert parse(tree(('j', 'fixed', 'base', '/' + 'x' * 1024))).poses().frame_names() == [
+        'x' * 1024, 'base']
 
 
 def test_links_joints_and_root():

@@ -115,7 +115,8 @@ def test_modules_that_need_no_ros():
             'puretf.transform', 'puretf.transform_table',
             'puretf_tools.commands.tf2_echo', 'puretf_tools.commands.tf_doctor',
             'puretf_tools.commands.tf_trajectory', 'puretf_tools.commands.view_frames',
-            'puretf_tools.commands.web_view', 'puretf_tools.view.feed'} <= {*WITHOUT}
+            'puretf_tools.commands.web_view', 'puretf_tools.robot.description',
+            'puretf_tools.view.feed'} <= {*WITHOUT}
     assert 'puretf.buffer' not in WITHOUT
 
 
