@@ -46,7 +46,7 @@ class StaticTransformBroadcaster:
         If a transform is invalid, an error is raised as by `TransformBroadcaster.sendTransform`,
         nothing is sent, and the transforms that were sent before stay in effect.
         """
-        self._send(as_list(transform), self._sent)
+        self._send(as_list(transform))
 
     def replace(self, transforms: Iterable[TransformStamped]) -> None:
         """
@@ -54,11 +54,13 @@ class StaticTransformBroadcaster:
 
         :raises TypeError: as `sendTransform`, and ValueError.
         """
-        self._send([*transforms], {})
+        self._send([*transforms], replaces=True)
 
-    def _send(self, transforms: list[TransformStamped], kept: dict[str, cdr.Fields]) -> None:
+    def _send(self, transforms: list[TransformStamped], replaces: bool = False) -> None:
         with explain_bad_fields(transforms), self._lock:
             new = [*fields_to_send(transforms)]
             cdr.pack_fields(new)  # raises the errors before anything changes
-            self._sent = kept | {fields[3].removeprefix('/'): fields for fields in new}
+            if replaces:
+                self._sent.clear()
+            self._sent.update({fields[3].removeprefix('/'): fields for fields in new})
             self.pub_tf.publish(cdr.pack_fields([*self._sent.values()]))

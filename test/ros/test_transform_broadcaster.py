@@ -2,6 +2,8 @@
 
 from decimal import Decimal
 import math
+import sys
+import threading
 from typing import Any, cast
 import warnings
 
@@ -223,6 +225,42 @@ def test_a_transform_as_a_message(stamp, sec, nanosec):
     assert message == expected
     assert deserialize_message(serialize_message(message), TransformStamped) == expected
     assert Transform.from_message(message) == Transform(stamp, 'a', 'b', (1.5, 0.0, 0.0))
+
+
+def test_several_threads_may_send(ros):
+    """Each message is that of one thread; each static one has all frames before it, too."""
+    moving, static = TransformBroadcaster(ros.node, 1000), StaticTransformBroadcaster(ros.node)
+    prepared = moving.prepare([('map', f'{i}') for i in range(20)])
+    start = threading.Barrier(4)
+    received: list[TFMessage] = []
+    lengths: list[int] = []
+    ros.node.create_subscription(TFMessage, '/tf', received.append, 1000)
+    ros.node.create_subscription(
+        TFMessage, '/tf_static', lambda message: lengths.append(len(message.transforms)), 1000)
+
+    def send(thread):
+        start.wait()
+        for i in range(60):
+            prepared.send(thread, np.tile([thread, 0, 0, 0, 0, 0, 1], (20, 1)))
+            moving.sendTransform([transform(x=float(thread))] * 20)
+            static.sendTransform(transform('map', f'{thread} {i}'))
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=send, args=(thread,)) for thread in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    ros.until(lambda: len(received) == 480 and 240 in lengths)
+    assert lengths == sorted(lengths)
+    for message in received:
+        numbers = {each.transform.translation.x for each in message.transforms}
+        assert len(numbers) == 1
+        assert {each.header.stamp.nanosec for each in message.transforms} in ({0}, numbers)
 
 
 EDGES = [('map', 'odom'), ('odom', 'base_link')]
