@@ -1,4 +1,4 @@
-"""Make the pictures of README.md and docs/ from the running arm: `make pictures`."""
+"""Make the pictures of README.md and docs/, most of them of the running arm: `make pictures`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,7 +26,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from dummy_arm.arm import Arm
-from puretf import Buffer, SECOND, TransformListener
+from puretf import Buffer, SECOND, Transform, TransformListener
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS.parent / 'test' / 'support'))
@@ -181,11 +181,75 @@ def angles(buffer: Buffer, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def conventions(path: Path) -> None:
+    """Draw a point in two frames, and the ways up and down a tree."""
+    figure, (plane, tree) = plt.subplots(
+        1, 2, figsize=(10, 4.6), layout='constrained', width_ratios=(1.0, 1.15))
+    two_frames(plane)
+    up_and_down(tree)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def two_frames(axes: Any) -> None:
+    """Draw the frames map and robot, and the coordinates of a point in both."""
+    half = 0.5**0.5
+    robot = Transform(0, 'map', 'robot', (2.0, 1.0, 0.0), (0.0, 0.0, half, half))
+    in_robot = np.array([2.0, 1.0, 0.0])
+    in_map = robot.apply(in_robot)
+    for pose, point, color, at, side in (
+            (Transform(0, 'map', 'map'), in_map, 'tab:purple', (-0.45, 3.25), (-0.2, -0.45)),
+            (robot, in_robot, 'chocolate', (1.3, 3.25), (0.15, -0.1))):
+        name, (x, y, _) = pose.child_frame_id, point
+        axes.plot(*pose.apply([(0, 0, 0), (x, 0, 0), (x, y, 0)]).T[:2], '--', color=color,
+                  linewidth=2, zorder=1)
+        axes.text(*at, f'p_{name} = ({x:.0f}, {y:.0f})', color=color, size=12, weight='bold')
+        for axis, color, end, beside in (('x', 'tab:red', (0.8, 0.0, 0.0), (0.8, 0.2, 0.0)),
+                                         ('y', 'tab:green', (0.0, 0.8, 0.0), (0.2, 0.8, 0.0))):
+            arrow(axes, pose.translation[:2], pose.apply(end)[:2], color=color, linewidth=3)
+            axes.text(*pose.apply(beside)[:2], axis, color=color, ha='center', va='center',
+                      size=12, weight='bold')
+        axes.text(*np.add(pose.translation[:2], side), name, size=13, weight='bold')
+    arrow(axes, (0, 0), robot.translation[:2], color='black', linewidth=1.5)
+    axes.text(0.7, 0.44, 'map_from_robot', rotation=26.6, rotation_mode='anchor', ha='center')
+    axes.plot(*in_map[:2], 'o', color='black', markersize=9)
+    axes.set(xlim=(-0.6, 3.3), ylim=(-0.7, 3.6), xticks=range(4), yticks=range(4), xlabel='m',
+             aspect='equal')
+    axes.grid(alpha=0.3)
+
+
+def up_and_down(axes: Any) -> None:
+    """Draw a tree, the ways of points in it, and a chain."""
+    blue: Any = {'color': 'tab:blue', 'va': 'center', 'size': 12}
+    for y, name in (2.0, 'map'), (1.0, 'robot'), (0.0, 'camera'):
+        axes.text(0, y, name, ha='center', va='center', size=13, weight='bold', bbox={
+            'boxstyle': 'round,pad=0.5', 'facecolor': 'white'})
+    for y, name in (1.0, 'map_from_robot'), (0.0, 'robot_from_camera'):
+        arrow(axes, (-0.2, y + 0.78), (-0.2, y + 0.22), color='dimgray', linewidth=1.5)
+        arrow(axes, (0.2, y + 0.22), (0.2, y + 0.78), color='tab:blue', linewidth=3)
+        axes.text(0.3, y + 0.5, name, **blue)
+    axes.text(-0.3, 1.5, 'edges of the\ntree: from\nparent to child', color='dimgray', ha='right',
+              va='center', size=12)
+    arrow(axes, (1.95, -0.1), (1.95, 2.1), color='tab:blue', linewidth=3)
+    axes.text(2.05, 1.0, 'map_from_camera =\nmap_from_robot @\nrobot_from_camera', **blue)
+    axes.text(0.3, 2.4, 'lookup_transform(target, source):\npoints go from source to target',
+              **blue)
+    axes.set(xlim=(-1.3, 3.6), ylim=(-0.3, 2.6))
+    axes.axis('off')
+
+
+def arrow(axes: Any, begin: Any, end: Any, **style: Any) -> None:
+    """Draw an arrow."""
+    axes.annotate('', end, begin, arrowprops={
+        'arrowstyle': '-|>', 'shrinkA': 0, 'shrinkB': 0, 'mutation_scale': 18, **style})
+
+
 def main() -> None:
     """Make all of them."""
     chromium = shutil.which('chromium')
     if chromium is None:
         sys.exit('pictures: there is no Chromium: apt install chromium')
+    conventions(DOCS / 'conventions.png')
     rclpy.init()
     node = rclpy.create_node('pictures')
     buffer = Buffer(Duration(seconds=2 * SECONDS), node)

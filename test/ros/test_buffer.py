@@ -313,7 +313,10 @@ def test_a_future_times_out():
     """The error says what was missing, and the thread that watched the deadline ends."""
     buffer, before = Buffer(), {*threading.enumerate()}
     future = buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON)
-    eventually(future.done)
+    callers: set[threading.Thread] = set()
+    future.add_done_callback(lambda _: callers.add(threading.current_thread()))
+    eventually(lambda: callers)
+    assert not callers & before
     with pytest.raises(TimeoutException, match=(
             r"^Timed out after 0\.05 s, waiting for the transform from 'tool' to 'map': "
             '"map" passed to lookupTransform argument target_frame does not exist')):
