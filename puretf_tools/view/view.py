@@ -211,7 +211,8 @@ class Viewer:
         display = panel.display.display(hidden)
         panel.tree.update(placement, selected, hidden, self._feed.findings, now)
         panel.findings.update()
-        self._scene.show(placement, display, {selected, *self._marked},
+        marked = self._marked if selected in self._marked else ()
+        self._scene.show(placement, display, {selected, *marked},
                          self._trail.pieces(placement, panel.trail.value, display), descriptions,
                          panel.robot.display, panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
@@ -247,11 +248,9 @@ class Viewer:
             if (name := panel.tree.rows.clicks.pop()) == panel.selected.value:
                 panel.tree.fold(name)
             panel.selected.choose(name)
-            self._marked = ()
         if scene.clicks:
             panel.selected.choose(scene.clicks.pop())
             panel.tree.unfold(placement, panel.selected.value)
-            self._marked = ()
 
     async def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""

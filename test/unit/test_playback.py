@@ -179,7 +179,7 @@ def test_the_findings_of_a_bag(clock, buffer):
         viewer = shown.viewer
         shown.until(lambda: viewer.text('tree'))
         feed.verdict = '2 <warnings>'
-        feed.findings = [finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other',)), *(
+        feed.findings = [finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other', 'map')), *(
             finding(f'late_{i}', T + 7 * S) for i in range(20))]
         shown.until(lambda: '2 &lt;warnings&gt; (the first 20' in viewer.text('verdict'))
 
@@ -188,7 +188,7 @@ def test_the_findings_of_a_bag(clock, buffer):
                     if props.get('visible')]
 
         shown.until(lambda: '+3.00 s: gap: base' in labels())
-        shown.until(lambda: 'typo: other' in labels() and sum(
+        shown.until(lambda: 'typo: other, map' in labels() and sum(
             '+7.00 s: late_' in label for label in labels()) == 18)
         shown.until(lambda: 'evidence &lt;of&gt; gap. Mend gap.' in ''.join(
             props.get('content', '') for props in viewer.gui.values()))
@@ -197,8 +197,11 @@ def test_the_findings_of_a_bag(clock, buffer):
         shown.until(lambda: any('⚠ gap' in label for label in labels()))
         assert any('other' in label and '⚠ typo' in label for label in labels())
         shown.step()
-        viewer.set('typo: other', True)
+        viewer.set('typo: other, map', True)
         shown.until(lambda: viewer.value('Frame') == 'other')
+        shown.until(lambda: sorted(viewer.axes('scales')) == [1.0, 1.5, 1.5])
+        shown.set('Frame', 'base')
+        shown.until(lambda: sorted(viewer.axes('scales')) == [1.0, 1.0, 1.5])
         shown.step()
         viewer.set('+3.00 s: gap: base', True)
         shown.until(lambda: viewer.value('Time (s)') == 3.0 and viewer.value('Frame') == 'base')
