@@ -222,8 +222,9 @@ def test_messages_at_their_stamps(ros):
     assert table['/fast']['messages'] > 3 * table['/scan']['messages']
     assert table['/fast']['judged'] < 0.5 * table['/fast']['messages']
     assert table['/early']['waiting'] == 1.0
-    assert table['/early']['queue'] >= 15
-    assert table['/early_fast']['queue'] >= 50
+    # They wait for 0.3 s; how many are sent in this time, the load of the computer decides.
+    assert table['/early']['queue'] >= 5
+    assert table['/early_fast']['queue'] > 3 * table['/early']['queue']
     assert table['/other_clock']['never'] == 1.0
 
 

@@ -119,9 +119,9 @@ def test_a_buffer_shows_what_tf2_and_the_reference_have():
     real = {*API['tf2_ros']['Buffer'], *API['tf2_ros']['BufferInterface'],
             *API['tf2_py']['BufferCore']}
     assert names - real == {
-        'chain', 'clock', 'dump', 'frame_names', 'frames', 'insert', 'jump_handle', 'lookup_all',
-        'lookup_transforms', 'lookup_twist', 'path_edges', 'path_stamps', 'registration',
-        'updated', 'why_not'}
+        'chain', 'clock', 'dump', 'frame_names', 'frames', 'insert', 'insert_many', 'jump_handle',
+        'lookup_all', 'lookup_transforms', 'lookup_twist', 'path_edges', 'path_stamps',
+        'registration', 'remove', 'updated', 'why_not'}
 
 
 def test_they_are_re_exports():
