@@ -12,6 +12,8 @@ from puretf.transform import Transform
 
 #: A cache time (ns) that keeps all samples.
 _FOREVER = 2**63
+#: The default timeout; other zeros are converted.
+_NO_WAIT = 0
 
 
 class TransformBuffer(BufferBase):
@@ -119,7 +121,7 @@ class TransformBuffer(BufferBase):
             (*transform.translation, *transform.rotation), authority, is_static)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                         timeout: Any = 0) -> Transform:
+                         timeout: Any = _NO_WAIT) -> Transform:
         """
         Return the pose of the source frame in the target frame.
 
@@ -133,7 +135,8 @@ class TransformBuffer(BufferBase):
         return self._lookup(target_frame, source_frame, time, _seconds(timeout))
 
     def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                              source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
+                              source_time: Any, fixed_frame: str, timeout: Any = _NO_WAIT
+                              ) -> Transform:
         """
         Return the pose of the source frame at one time, in the target frame at another time.
 
@@ -155,7 +158,7 @@ class TransformBuffer(BufferBase):
                                  fixed_frame, _seconds(timeout))
 
     def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                      timeout: Any = 0, return_debug_tuple: bool = False
+                      timeout: Any = _NO_WAIT, return_debug_tuple: bool = False
                       ) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform` would return a transform.
@@ -172,7 +175,7 @@ class TransformBuffer(BufferBase):
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                           source_time: Any, fixed_frame: str, timeout: Any = 0,
+                           source_time: Any, fixed_frame: str, timeout: Any = _NO_WAIT,
                            return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform_full` would return a transform.
@@ -206,4 +209,4 @@ class TransformBuffer(BufferBase):
 
 
 def _seconds(timeout: Any) -> float:
-    return nanoseconds_or_int(timeout, 'timeout') / SECOND
+    return 0.0 if timeout is _NO_WAIT else nanoseconds_or_int(timeout, 'timeout') / SECOND

@@ -323,7 +323,7 @@ class BufferBase:
     _ns: Any = staticmethod(nanoseconds_or_int)
 
     def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> Transform:
-        return Transform(stamp, target, source, pose[:3], pose[3:])
+        return tuple.__new__(Transform, (stamp, target, source, pose[:3], pose[3:]))
 
     def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0
                 ) -> Transform:

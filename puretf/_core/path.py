@@ -1,6 +1,7 @@
 """The path between two frames: its edges, and the poses that are computed along it."""
 
 from collections.abc import Sequence
+from typing import Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,9 +78,10 @@ class Path:
 
 def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
     """Compute the pose of the lowest frame in the highest; the edges go upwards."""
-    pose = None
+    pose: Optional[Pose] = None
     for edge in edges:
-        pose = edge.pose_at(time) if pose is None else compose(edge.pose_at(time), pose)
+        step = edge.pose_at(time)
+        pose = compose(step, pose) if pose else step
     return pose or IDENTITY
 
 
