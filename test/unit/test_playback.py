@@ -179,8 +179,9 @@ def test_the_findings_of_a_bag(clock, buffer):
         viewer = shown.viewer
         shown.until(lambda: viewer.text('tree'))
         feed.verdict = '2 <warnings>'
-        feed.findings = [finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other', 'map')), *(
-            finding(f'late_{i}', T + 7 * S) for i in range(20))]
+        feed.findings = [
+            finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other', 'map')),
+            *(finding(f'late_{i}', T + 7 * S) for i in range(20))]
         shown.until(lambda: '2 &lt;warnings&gt; (the first 20' in viewer.text('verdict'))
 
         def labels():
