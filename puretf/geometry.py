@@ -6,7 +6,8 @@ frame of the transform; their header is ignored. The result is in the parent fra
 transform, and has the header of the transform. Coordinates are in m.
 
 The Python packages of tf2 have no functions for PoseArray, QuaternionStamped, WrenchStamped, Path
-and Odometry. Those of a quaternion and a wrench return what tf2 returns in C++.
+and Odometry. That of a wrench returns what tf2 returns in C++; that of a quaternion returns the
+same rotation, normalised.
 """
 
 from array import array
@@ -84,8 +85,9 @@ def _takes(kind: type) -> Callable[[_Function], _Function]:
                 names = ' and a '.join(
                     f'message {each.__msgtype__} of rosbags' if is_of_rosbags(each) else
                     each.__name__ for each in types)
+                article = 'an' if kind.__name__[0] in 'AEIOU' else 'a'
                 raise AttributeError(
-                    f'{error}. {function.__name__} takes a {kind.__name__} and a '
+                    f'{error}. {function.__name__} takes {article} {kind.__name__} and a '
                     f'TransformStamped, got a {names}{other and f": use {other}"}') from None
         return cast(_Function, checked)
     return decorate
@@ -116,15 +118,19 @@ def do_transform_quaternion_stamped(quaternion: QuaternionStamped, transform: Tr
 def do_transform_wrench_stamped(wrench: WrenchStamped, transform: TransformStamped
                                 ) -> WrenchStamped:
     """
-    Rotate a force (N) and a torque (N m), as tf2 does in C++.
+    Transform a force (N) and a torque (N m), as tf2 does in C++.
 
-    The torque remains the one about the origin of the child frame. To get the torque about the
-    origin of the parent frame, add the cross product of the translation of the transform and the
-    force of the result.
+    Both are rotated. The given torque is the one about the origin of the child frame. In the
+    result, it is the one about the origin of the parent frame: the cross product of the
+    translation and the rotated force is added.
     """
-    given = wrench.wrench
-    return WrenchStamped(header=_header(transform), wrench=Wrench(
-        force=_rotated(given.force, transform), torque=_rotated(given.torque, transform)))
+    force = _rotated(wrench.wrench.force, transform)
+    torque = _rotated(wrench.wrench.torque, transform)
+    arm = transform.transform.translation
+    torque.x += arm.y * force.z - arm.z * force.y
+    torque.y += arm.z * force.x - arm.x * force.z
+    torque.z += arm.x * force.y - arm.y * force.x
+    return WrenchStamped(header=_header(transform), wrench=Wrench(force=force, torque=torque))
 
 
 @_takes(Pose)

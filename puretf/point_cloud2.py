@@ -38,7 +38,7 @@ def read_points(cloud: PointCloud2, field_names: Optional[Iterable[str]] = None,
     :param field_names: the fields, in this order; None: all fields.
     :param skip_nans: leave out points with a NaN in one of these fields, unless the cloud says
         that it is dense.
-    :param uvs: the indices of the points to be returned, or what else numpy takes as an index;
+    :param uvs: the indices of the points to be returned, or an array that numpy takes as an index;
         None: all points. They count the points that `skip_nans` has left.
     :param reshape_organized_cloud: return the shape (width, height) if the height is more than 1.
     :returns: (n,), or (width, height). This is a view of the data of the message if it needs no

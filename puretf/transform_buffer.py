@@ -6,13 +6,12 @@ from typing import Any, Optional, Union
 
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.engine import engine_of
+from puretf._core.history import load
 from puretf._core.times import nanoseconds_or_int, SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
 
-#: A cache time (ns) that keeps all samples.
-_FOREVER = 2**63
-#: The default timeout; other zeros are converted.
+#: The default timeout, which needs no conversion.
 _NO_WAIT = 0
 
 
@@ -65,22 +64,24 @@ class TransformBuffer(BufferBase):
         """
         Return a buffer with the data that `dump` has returned, perhaps read from JSON.
 
-        It keeps all samples. Rotations are normalised again, which may change their last bits.
+        It keeps all samples.
 
+        :raises TypeError: if `dump` is not a dict.
         :raises ValueError: if the data are not those of `dump`.
         """
-        buffer = cls(_FOREVER, max_frames=sys.maxsize, max_samples=None)
-        buffer._engine.tree.histories.update(dict.fromkeys(dump))  # in their order
-        for child, frame in dump.items():
+        if not isinstance(dump, Mapping):
+            raise TypeError(f'dump must be what dump() has returned, got {described(dump)}')
+        buffer = cls(2**64, max_frames=sys.maxsize, max_samples=None)
+        for name, frame in dump.items():
             try:
-                for stamp, parent, pose in zip(
-                        frame['stamps'], frame['parents'], frame['poses'], strict=True):
-                    if not buffer.insert(stamp, parent, child, pose, frame['authority'],
-                                         frame['is_static']):
-                        raise ValueError('a transform was refused, see the log')
-            except (KeyError, TypeError, ValueError, OverflowError) as error:
-                raise ValueError(f'the data of the frame {child!r} are not those of dump(): '
-                                 f'{error!r}') from None
+                buffer._engine.tree.histories[name] = history = load(frame)
+                parents = () if history is None else history.all_parents
+                if not name or name.startswith('/') or name in parents or any(
+                        parent not in dump for parent in parents):
+                    raise ValueError('a wrong name of the frame, or of a parent')
+            except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+                raise ValueError(f'the data of the frame {name!r} are not those that dump() '
+                                 f'returns: {error!r}') from None
         return buffer
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:

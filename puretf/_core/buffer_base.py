@@ -1,8 +1,8 @@
 """The base class of all buffers, with the methods that they share."""
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Literal, Optional, overload
+from typing import Any, Literal, Optional, overload, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,8 +20,10 @@ from puretf._core.waiting import wait
 from puretf.exceptions import described, tf2_words, TransformException
 from puretf.transform import Transform, Twist
 
-#: The largest number of poses that `lookup_transforms` computes before it releases the lock.
+#: The largest number of poses that are inserted or computed before the lock is released.
 _CHUNK = 2048
+#: Many times: integers (ns), datetime64, or times of ROS.
+Times = Union[ArrayLike, Sequence[Any]]
 
 
 class BufferBase:
@@ -68,13 +70,14 @@ class BufferBase:
         return self._engine.insert(
             stamp, frame_id, child_frame_id, pose, authority, is_static)
 
-    def insert_many(self, stamps: ArrayLike, frame_id: str, child_frame_id: str,
-                    poses: ArrayLike, authority: str = 'default_authority') -> bool:
+    def insert_many(self, stamps: Times, frame_id: str, child_frame_id: str, poses: ArrayLike,
+                     authority: str = 'default_authority') -> bool:
         """
-        Insert many poses of a frame in its parent, much faster than by one `insert` for each.
+        Insert many poses of a frame in its parent.
 
-        They are inserted in the order of their stamps. The names and the rotations are treated as
-        in `insert`.
+        They are inserted in the order of their stamps, up to 2048 at once. This is much faster
+        than one `insert` for each if they are newer than the poses that the buffer has of the
+        frame, and if their stamps differ. The names and the rotations are treated as in `insert`.
 
         :param stamps: (n,) times of the poses, as in `lookup_transforms`.
         :param poses: (n, 7): x, y, z (m) and the quaternion x, y, z, w.
@@ -83,17 +86,29 @@ class BufferBase:
         :raises ValueError: if an array has a wrong shape, or a stamp is NaT.
         :raises OverflowError: if a stamp does not fit in an int64.
         """
-        times, rows = _int64_times(stamps, 'stamps'), np.asarray(poses, np.float64)
-        if rows.shape != (len(times), 7):
+        times = _int64_times(stamps, 'stamps')
+        try:
+            rows = np.asarray(poses)
+        except ValueError:  # rows of several lengths
+            rows = np.empty(0, np.object_)
+        if rows.dtype.kind not in 'fiu':
+            raise TypeError(f'poses must be numbers, of shape ({len(times)}, 7), got '
+                            f'{described(poses)}')
+        if rows.shape != (len(times), 7) and len(times) + rows.size:
             raise ValueError(f'poses must be of shape ({len(times)}, 7), one for each stamp, got '
                              f'{rows.shape}')
-        return self._engine.insert_many(times, frame_id, child_frame_id, rows, authority)
+        order, is_accepted = np.argsort(times, kind='stable'), True
+        for begin in range(0, len(times), _CHUNK):
+            part = order[begin:begin + _CHUNK]
+            is_accepted &= self._engine.insert_many(
+                times[part], frame_id, child_frame_id, rows[part].astype(np.float64), authority)
+        return is_accepted
 
     def remove(self, frame: str) -> None:
         """
-        Remove all poses of a frame in its parents; it exists on as the parent of other frames.
+        Remove all poses of a frame in its parents; its name stays while it is a parent itself.
 
-        A later transform brings the frame back.
+        A frame that is only a parent stays as it is. A later transform brings a frame back.
 
         :raises TransformException: if the frame does not exist.
         :raises TypeError: if the frame is not a str.
@@ -133,15 +148,19 @@ class BufferBase:
 
     @overload
     def lookup_transforms(
-            self, target_frame: str, source_frame: str, times: ArrayLike,
+            self, target_frame: str, source_frame: str, times: Times,
             as_matrices: Literal[False] = False
             ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]: ...
 
     @overload
-    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike,
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: Times,
                           as_matrices: Literal[True]) -> NDArray[np.float64]: ...
 
-    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike,
+    @overload
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: Times,
+                          as_matrices: bool) -> Any: ...
+
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: Times,
                           as_matrices: bool = False) -> Any:
         """
         Return the poses of the source frame in the target frame at many times.
@@ -367,7 +386,7 @@ def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
     return error is None, '' if error is None else str(error)
 
 
-def _int64_times(times: ArrayLike, name: str) -> NDArray[np.int64]:
+def _int64_times(times: Times, name: str) -> NDArray[np.int64]:
     given = times = np.asarray(times)
     if times.ndim != 1:
         raise ValueError(f'{name} must be of shape (n,), got {times.shape}')
@@ -375,8 +394,8 @@ def _int64_times(times: ArrayLike, name: str) -> NDArray[np.int64]:
         if np.isnat(times).any():
             raise ValueError(f'{name} must be times, got NaT at index {np.isnat(times).argmax()}')
         times = given.astype('datetime64[ns]')
-        if (times.astype(given.dtype) != given).any():
-            raise OverflowError(f'{name} must be whole ns from 1678 to 2262, got {given.max()}')
+        if len(wrong := given[times.astype(given.dtype) != given]):
+            raise OverflowError(f'{name} must be whole ns from 1678 to 2262, got {wrong[0]}')
         return times.astype(np.int64)
     if times.dtype.kind == 'O':
         times = np.array([nanoseconds_or_int(time, name) for time in times.tolist()], np.object_)

@@ -11,7 +11,6 @@ from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from functools import partial
-from itertools import pairwise
 import logging
 from operator import index
 import os
@@ -26,7 +25,7 @@ from puretf._core import failures
 from puretf._core.hints import Blocked, Look, Surroundings
 from puretf._core.insertion import Insertion
 from puretf._core.lookup import Lookups
-from puretf._core.pose import Batch, BatchOrRows, Pose, POSE_BYTES
+from puretf._core.pose import Batch, BatchOrRows, Pose, POSE_BYTES, Row, Rows
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.tree import FrameTree
 from puretf._core.wake import Wake
@@ -164,21 +163,17 @@ class Engine:
 
     def insert_many(self, stamps: NDArray[np.int64], frame_id: str, child_frame_id: str,
                     poses: NDArray[np.float64], authority: str) -> bool:
-        """Insert (n, 7) poses as `BufferBase.insert_many` does."""
+        """Insert (n, 7) poses in the order of their stamps, all at once."""
         _check_names(frame_id, child_frame_id, authority)
-        order = np.argsort(stamps, kind='stable')
-        stamps, data = stamps[order], poses[order].tobytes()
-        batches: list[BatchOrRows] = []
-        # Of one stamp, a batch has one pose. To the first pose of a frame, nothing is appended.
-        is_first = np.diff(stamps, prepend=stamps[:1]) == 0
-        is_first[1:2] = True
-        for begin, end in pairwise([*np.flatnonzero(is_first).tolist(), len(stamps)]):
-            batch = Batch([frame_id.removeprefix('/')], [child_frame_id.removeprefix('/')],
-                          authority)
-            batch.stamps = array('q', stamps[begin:end].tobytes())
-            batch.poses = [data[i * POSE_BYTES:(i + 1) * POSE_BYTES] for i in range(begin, end)]
-            batches.append(batch)
-        return self.insert_batches(batches)
+        if not (stamps[1:] > stamps[:-1]).all():
+            rows = [Row(stamp, frame_id, child_frame_id, pose)
+                    for stamp, pose in zip(stamps.tolist(), map(tuple, poses.tolist()))]
+            return self.insert_batches([Rows(rows, authority, False)])
+        batch = Batch([frame_id.removeprefix('/')], [child_frame_id.removeprefix('/')], authority)
+        batch.stamps.frombytes(stamps.tobytes())
+        data = poses.tobytes()
+        batch.poses = [data[i:i + POSE_BYTES] for i in range(0, len(data), POSE_BYTES)]
+        return self.insert_batches([batch])
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> bool:
         """

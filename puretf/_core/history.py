@@ -2,10 +2,12 @@
 
 from array import array
 from bisect import bisect_left, bisect_right
+from collections.abc import Mapping
 from copy import copy
 from math import acos, sin, sqrt
 from operator import itemgetter
 import struct
+from time import monotonic_ns
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -401,3 +403,29 @@ class StaticHistory:
 
 
 AnyHistory = Union[History, StaticHistory]
+
+
+def load(dump: Mapping[str, Any]) -> Optional[AnyHistory]:
+    """Return the history whose data `dump` has returned; None: it had no samples."""
+    stamps, parents, authority = array('q', dump['stamps']), [*dump['parents']], dump['authority']
+    poses = np.array(dump['poses'], np.float64).reshape(-1, 7)
+    if not len(stamps) == len(parents) == len(poses):
+        raise ValueError('stamps, parents and poses must have the same length')
+    norms = np.linalg.norm(poses[:, 3:], axis=1)
+    if (np.diff(stamps) < 0).any() or not (abs(norms - 1.0) < 1e-6).all():
+        raise ValueError('the stamps must be in order, and the rotations normalised')
+    if not all(isinstance(name, str) for name in (*parents, authority)):
+        raise TypeError('parents and authority must be names')
+    if not parents:
+        return None
+    if dump['is_static']:
+        x, y, z, qx, qy, qz, qw = poses[0].tolist()
+        return StaticHistory(parents[0], (x, y, z, qx, qy, qz, qw), authority)
+    history = History(2**64)  # which keeps all samples
+    history.stamps, history.poses = stamps, bytearray(poses.tobytes())
+    history.authority = authority
+    history.parents, history.all_parents = parents, dict.fromkeys(parents)
+    if len(history.all_parents) == 1:
+        history.parents, history.only_parent = None, parents[0]
+    history.arrived, history.arrival = stamps[-1], monotonic_ns()
+    return history

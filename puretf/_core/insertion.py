@@ -155,10 +155,11 @@ class Insertion:
         return is_accepted
 
     def remove(self, name: str) -> None:
-        """Remove the samples of a frame; its name stays if it is a parent."""
+        """Remove the samples of a frame; its name stays while it is a parent."""
+        history = self._tree.histories[name]
         self._tree.remove(name)
         self._lookups.paths.clear()
-        self._count_samples()
+        self._room += len(history) if isinstance(history, History) else 0
 
     def clear(self) -> None:
         """Remove all dynamic transforms, and forget which frames there was a warning of."""
