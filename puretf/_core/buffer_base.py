@@ -346,22 +346,26 @@ class BufferBase:
 
     def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0
                 ) -> Transform:
+        engine = self._engine
         try:
-            return self._answer(target, source, *wait(
-                self._engine, timeout, self._engine.lookups.pose, target, source, self._ns(time)))
+            stamp, pose = wait(
+                engine, timeout, engine.lookups.pose, target, source, self._ns(time))
         except TransformException as error:
             hint_at_duration(error, time)
             raise
+        return self._answer(target, source, stamp, pose)
 
     def _lookup_full(self, target: str, target_time: Any, source: str, source_time: Any,
                      fixed: str, timeout: float = 0.0) -> Transform:
+        engine = self._engine
         try:
-            return self._answer(target, source, *wait(
-                self._engine, timeout, self._engine.lookups.pose_full, target,
-                self._ns(target_time), source, self._ns(source_time), fixed))
+            stamp, pose = wait(
+                engine, timeout, engine.lookups.pose_full, target, self._ns(target_time), source,
+                self._ns(source_time), fixed)
         except TransformException as error:
             hint_at_duration(error, target_time, source_time)
             raise
+        return self._answer(target, source, stamp, pose)
 
     def _why_not(self, target: str, source: str, time: Any, timeout: float = 0.0
                  ) -> Optional[TransformException]:
