@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 import logging
-import os
 from pathlib import Path
 import re
 from unicodedata import normalize
@@ -12,31 +11,22 @@ from unicodedata import normalize
 from dummy_arm.grading.sheet import FRAMES
 from puretf import comma_list, quoted, shortened
 from puretf_tools.cli.parser import CommandError
-from puretf_tools.cli.signals import check_signals
 
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
 _LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
                     r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
-#: A token of the DOT language: a string, a comment, a name, an arrow, or another character.
-_TOKEN = re.compile(r"""
-    "(?: [^"\\] | \\.? )* (?: " | \Z)
-    | //.* | \#.* | /\* [\s\S]*? (?: \*/ | \Z)
-    | [\w.]+ | -> | \S
-""", re.VERBOSE)
-_LONGEST_GRAPH = 1_000_000  # characters
-_MOST_PAGES = 20
+#: An edge in a graph, as this package and tf2 write it.
+_EDGE = re.compile(r'^\s*"((?:[^"\\]|\\.)*)"\s*->\s*"((?:[^"\\]|\\.)*)"', re.MULTILINE)
 #: The largest number of names that a text lists.
 _SHOWN = 6
 
 
 def fault_of_drawing(path: Path) -> str:
     """Return why a `.pdf` or `.gv` of view_frames does not show the arm; '' if it does."""
-    if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe might never end
-        return 'It is not a regular file.'
     try:
         if path.suffix.lower() == '.pdf':
             return _fault_of_pdf(path)
-        return _fault_of_edges(_edges_in_dot(path))
+        return _fault_of_edges(path.read_text('utf-8', 'replace'))
     except OSError as error:
         return f'It cannot be read: {error.strerror}.'
 
@@ -48,7 +38,6 @@ def _fault_of_pdf(path: Path) -> str:
     except ImportError:
         raise CommandError('pypdf is needed to read a PDF: apt install python3-pypdf, or pip '
                            'install pypdf; or check the .gv file') from None
-    top = 0.0
     #: By the place on the paper. A text is in several parts if it has a ligature, such as "ff".
     texts: defaultdict[tuple[float, float], str] = defaultdict(str)
 
@@ -56,17 +45,11 @@ def _fault_of_pdf(path: Path) -> str:
         # A matrix a, b, c, d, e, f maps (x, y) to (a x + c y + e, b x + d y + f); inner is first.
         a, b, c, d, e, f = outer
         x, y = inner[4:]
-        texts[top - (b * x + d * y + f), a * x + c * y + e] += normalize('NFKC', text)
+        texts[-(b * x + d * y + f), a * x + c * y + e] += normalize('NFKC', text)
 
     logging.getLogger('pypdf').setLevel(logging.CRITICAL)  # its warnings about damaged files
     try:
-        pages = PdfReader(path).pages
-        if len(pages) > _MOST_PAGES:
-            return f'It has {len(pages)} pages: the drawing of an arm has one.'
-        for page in pages:
-            check_signals()
-            top += float(page.mediabox.top)
-            page.extract_text(visitor_text=add)
+        PdfReader(path).pages[0].extract_text(visitor_text=add)
     except OSError:
         raise
     except Exception:  # a damaged file causes errors of many types
@@ -88,23 +71,9 @@ def _fault_of_names(names: dict[str, float]) -> str:
     return ''
 
 
-def _edges_in_dot(path: Path) -> set[tuple[str, str]]:
-    """Return the edges of a graph that view_frames has written, as parent and child."""
-    with path.open(encoding='utf-8', errors='replace') as file:
-        tokens = [token for token in _TOKEN.findall(file.read(_LONGEST_GRAPH))
-                  if not token.startswith(('//', '/*', '#'))]
-    return {(_frame(parent), _frame(child))
-            for parent, arrow, child in zip(tokens, tokens[1:], tokens[2:])
-            if arrow == '->' and _frame(parent) and _frame(child)}
-
-
-def _frame(token: str) -> str:
-    """Return the name that a token stands for; '' if it is not a name."""
-    name = token[1:-1].replace(r'\"', '"') if token[0] == '"' else token
-    return name.removeprefix('/') if token[0] == '"' or name[0].isalnum() or name[0] == '_' else ''
-
-
-def _fault_of_edges(edges: set[tuple[str, str]]) -> str:
+def _fault_of_edges(dot: str) -> str:
+    edges = {(parent.removeprefix('/'), child.removeprefix('/'))
+             for parent, child in _EDGE.findall(dot)}
     if not edges:
         return 'It has no edges of a tree.'
     expected = {*pairwise(FRAMES)}
