@@ -6,7 +6,6 @@ from contextlib import suppress
 import csv
 import os
 from pathlib import Path
-import re
 import sys
 from typing import Optional, TYPE_CHECKING
 
@@ -31,8 +30,8 @@ _BAR = '{desc} {bar} {n} of {total}, {elapsed}'
 #: The default and the largest time to observe an arm (s). The default is more than a period of the
 #: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
 DEFAULT_TIME, _LONGEST = 25.0, 3600.0
-#: Spreadsheets take a cell that begins with one of these characters for a formula.
-_FORMULA = r'=+\-@\t\r'
+#: What `command` judges.
+_PROGRAMS, _BAG, _DRAWINGS, _ARM = 'programs', 'a bag', 'drawings', 'the arm that is running'
 
 
 # Hand-ins
@@ -40,87 +39,77 @@ _FORMULA = r'=+\-@\t\r'
 
 def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
                feedback: Optional[str], resume: bool) -> int:
-    """Grade programs; print a line for each, in the order of `files`. Return the exit code."""
-    names = [visible(file) for file in files]
+    """Grade programs; print a line for each when it has been graded. Return the exit code."""
+    names = {_cell(visible(file)): file for file in files}
     rows = _read_table(table) if table and resume else {}  # also those of other hand-ins
     for name in names:
-        rows.setdefault(name, [name, Verdict.NOT_RUN, ''])
-    to_run = [file for file, name in zip(files, names) if rows[name][1] == Verdict.NOT_RUN]
-    lines = {name: ': '.join(filter(None, row[:3])) for name, row in rows.items()}
-    printed = 0
-
-    def print_lines(is_end: bool) -> None:
-        """Print the lines up to the first hand-in that is running or waits, or all."""
-        nonlocal printed
-        while printed < len(names) and (is_end or rows[names[printed]][1] != Verdict.NOT_RUN):
-            print(lines[names[printed]])
-            printed += 1
-
-    if table:
-        _write_table(table, rows.values())
-    print_lines(False)
+        rows.setdefault(name, {'file': name, 'verdict': Verdict.NOT_RUN})
+    to_run = [file for name, file in names.items() if rows[name]['verdict'] == Verdict.NOT_RUN]
     grades = grade(to_run, seconds, jobs, lambda done, what: show(done, what))
     try:
         while True:
+            if table:
+                _write_table(table, rows.values())
             with progress(len(to_run), bar_format=_BAR) as show:
                 result = next(grades, None)
             if not result:
                 break
-            name = visible(result.file)
-            rows[name], lines[name] = _row(result), result.line
+            print(result.line)
+            row = _row(result)
+            rows[row['file']] = row
             if feedback:
                 try:
                     _write_feedback(Path(feedback), files, result)
                 except CommandError as error:  # the table is the record
                     print(f'check_arm: warning: {visible(str(error))}', file=sys.stderr)
-            if table:
-                _write_table(table, rows.values())
-            print_lines(False)
     except KeyboardInterrupt:
-        print_lines(True)
-        count = sum(rows[name][1] == Verdict.NOT_RUN for name in names)
+        count = sum(rows[name]['verdict'] == Verdict.NOT_RUN for name in names)
         how = '; the same command with --resume goes on' if table else ''
         raise CommandError(f'interrupted: {count} of {len(names)} were not run{how}') from None
     finally:
         grades.close()
-    return 0 if all(rows[name][1] == Verdict.OK for name in names) else 1
+    return 0 if all(rows[name]['verdict'] == Verdict.OK for name in names) else 1
 
 
-def _row(grade: Grade) -> list[str]:
-    return [visible(grade.file), grade.verdict, grade.reason, *(
-        (line.verdict for line in (*grade.report.lines, *grade.report.advice))
-        if grade.report else ())]
+def _row(grade: Grade) -> dict[str, str]:
+    """Return the cells of a table, by the titles of the columns."""
+    lines = (*grade.report.lines, *grade.report.advice) if grade.report else ()
+    return {'file': _cell(visible(grade.file)), 'verdict': grade.verdict,
+            'reason': _cell(grade.reason), **{line.requirement: line.verdict for line in lines}}
 
 
-def _head() -> list[str]:
-    nothing = check([])
-    return ['file', 'verdict', 'reason', *(
-        line.requirement for line in (*nothing.lines, *nothing.advice))]
+def _cell(text: str) -> str:
+    """Return a text that spreadsheets do not take for a formula."""
+    return f"'{text}" if text.startswith(('=', '+', '-', '@')) else text
 
 
-def _write_table(path: str, rows: Iterable[list[str]]) -> None:
-    head = _head()
-    table = [[*row, *[''] * (len(head) - len(row))] for row in (head, *rows)]
-    # Without a byte-order mark, spreadsheets assume the encoding of the country.
+def _titles() -> list[str]:
+    return [*_row(Grade('', check([]), '', ''))]
+
+
+def _write_table(path: str, rows: Iterable[dict[str, str]]) -> None:
+    # Without a byte-order mark, spreadsheets assume the encoding of the country; some separate
+    # cells by semicolons.
     with whole_file(Path(path)) as part, part.open('w', newline='', encoding='utf-8-sig') as file:
-        csv.writer(file, quoting=csv.QUOTE_ALL).writerows(  # some separate cells by semicolons
-            [re.sub(f'^(?=[{_FORMULA}])', "'", cell) for cell in row] for row in table)
+        writer = csv.DictWriter(file, _titles(), quoting=csv.QUOTE_ALL, extrasaction='ignore')
+        writer.writeheader()
+        writer.writerows(rows)
 
 
-def _read_table(path: str) -> dict[str, list[str]]:
+def _read_table(path: str) -> dict[str, dict[str, str]]:
     """Return the rows of a table that this command has written, by the name of the file."""
     try:
         with open(path, newline='', encoding='utf-8-sig') as file:
-            head, *rows = csv.reader(file)
+            reader = csv.DictReader(file)
+            rows, titles = [*reader], reader.fieldnames
     except OSError as error:
         raise CommandError(f'cannot read {path}: {error.strerror}') from None
     except (ValueError, csv.Error):
-        head = []
-    if head != _head():
+        titles = None
+    if titles != _titles():
         raise CommandError(f'{path} is not a table of this version of check_arm: leave out '
                            '--resume')
-    table = [[re.sub(f"^'(?=[{_FORMULA}])", '', cell) for cell in row] for row in rows]
-    return {row[0]: row for row in table if len(row) > 2}
+    return {row['file']: row for row in rows}
 
 
 def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> None:
@@ -156,20 +145,17 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str],
     from puretf_tools.cli.node import spinning_node
     with spinning_node('check_arm', ros_args, namespace) as node:
         observer = Observer(node)
-        try:
-            if wait(START, 'waiting for an arm', observer.poll):
-                wait(seconds, 'observing the arm', lambda: observer.poll() and False)
-            elif not observer.messages:
-                raise CommandError(f'no transform was received within {START:g} s. '
-                                   f'{observer.listener.why_nothing()}')
-            if hint := observer.listener.wrong_type_hint():
-                print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
-            report = observer.report()
-            if feedback:
-                _write_hand_in(Path(feedback), report, observer.listener)
-            return report
-        except KeyboardInterrupt:
-            raise CommandError('interrupted: nothing was judged') from None
+        if wait(START, 'waiting for an arm', observer.poll):
+            wait(seconds, 'observing the arm', lambda: observer.poll() and False)
+        elif not observer.messages:
+            raise CommandError(f'no transform was received within {START:g} s. '
+                               f'{observer.listener.why_nothing()}')
+        if hint := observer.listener.wrong_type_hint():
+            print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
+        report = observer.report()
+        if feedback:
+            _write_hand_in(Path(feedback), report, observer.listener)
+        return report
 
 
 def _write_hand_in(directory: Path, report: Report, listener: 'FrameListener') -> None:
@@ -192,18 +178,15 @@ def _write_hand_in(directory: Path, report: Report, listener: 'FrameListener') -
 def _check_bag(option: BagOption) -> Report:
     found: list[Message] = []
     count = 0
-    try:
-        with option.opened() as bag:
-            for message in bag.messages():
-                with suppress(ValueError):
-                    rows = message.rows()
-                    found.append(Message(message.time, message.is_static, message.publisher, rows))
-                    count += len(rows)
-                if count > MOST:
-                    raise CommandError(f'{bag.path} has more than {MOST} transforms: record an '
-                                       'arm for a minute only')
-    except KeyboardInterrupt:
-        raise CommandError('interrupted: nothing was judged') from None
+    with option.opened() as bag:
+        for message in bag.messages():
+            with suppress(ValueError):
+                rows = message.rows()
+                found.append(Message(message.time, message.is_static, message.publisher, rows))
+                count += len(rows)
+            if count > MOST:
+                raise CommandError(f'{bag.path} has more than {MOST} transforms: record an arm '
+                                   'for a minute only')
     # The files of a bag, and those that are cut off, may be in another order.
     return check(sorted(found, key=lambda message: message.time))
 
@@ -233,19 +216,22 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
     duration = DEFAULT_TIME if seconds is None else seconds
+    given = [kind for kind, is_given in (
+        (_PROGRAMS, files), (_BAG, bag is not None), (_DRAWINGS, frames)) if is_given]
+    if len(given) > 1:
+        raise UsageError('give files of programs, or --bag, or --frames, or none of them to check '
+                         'the arm that is running')
+    kind = given[0] if given else _ARM
+    for option, is_given, *kinds in (
+            ('--time', seconds is not None, _PROGRAMS, _ARM),
+            ('--namespace', namespace, _BAG, _ARM),
+            ('--ros-args', '--ros-args' in ros_args, _BAG, _DRAWINGS, _ARM),
+            ('--feedback', feedback is not None, _PROGRAMS, _ARM),
+            ('--csv', table is not None, _PROGRAMS),
+            ('--jobs', jobs is not None, _PROGRAMS)):
+        if is_given and kind not in kinds:
+            raise UsageError(f'{option} is for {" and ".join(kinds)}, not for {kind}')
     for is_wrong, text in (
-            (sum((bool(files), bag is not None, bool(frames))) > 1,
-             'give files of programs, or --bag, or --frames, or none of them to check the arm '
-             'that is running'),
-            (seconds is not None and (bag is not None or frames),
-             '--time is for an arm that is running: leave it out with --bag and --frames'),
-            (namespace and (files or frames),
-             '--namespace is for --bag and for the arm that is running'),
-            (files and '--ros-args' in ros_args, '--ros-args is for the arm that is running'),
-            (not files and (table is not None or jobs is not None),
-             '--csv and --jobs need the files of programs'),
-            (feedback is not None and (bag is not None or frames),
-             '--feedback is for programs and for the arm that is running'),
             (resume and table is None, '--resume needs --csv'),
             (table is not None and (table in files or not table.endswith('.csv')),
              f'--csv needs the name of a file that ends in .csv, got {table!r}'),
@@ -262,8 +248,11 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
     if files:
         jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
         return _grade_all(files, duration, jobs, table, feedback, resume)
-    report = (_check_running(duration, namespace, ros_args, feedback) if bag is None
-              else _check_bag(bag))
+    try:
+        report = (_check_running(duration, namespace, ros_args, feedback) if bag is None
+                  else _check_bag(bag))
+    except KeyboardInterrupt:
+        raise CommandError('interrupted: nothing was judged') from None
     print('\n'.join(format_report(report)))
     return 0 if report.passed else 1
 

@@ -8,17 +8,10 @@ import signal
 import socket
 from subprocess import TimeoutExpired
 import sys
-from tempfile import TemporaryDirectory
 import time
 from typing import Optional
 
-from dummy_arm.grading.processes import (
-    become_subreaper,
-    children,
-    end_descendants,
-    is_descendant,
-    Worker,
-)
+from dummy_arm.grading import processes
 from dummy_arm.grading.records import DOMAINS, Grade, Verdict
 from dummy_arm.grading.supervisor import longest, supervise
 from puretf import shortened
@@ -41,54 +34,47 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
         for to_run, most in (files, jobs), (again, 1):
             waiting = deque(to_run)
             while waiting or running:
-                ended = []
                 if waiting and len(running) < most and (reservation := _reserved_domain()):
-                    file = waiting.popleft()
-                    try:
-                        running.append(_Run(file, seconds, reservation))
-                    except OSError as error:  # there are too many processes, or the disk is full
-                        ended.append((Grade(file, None, f'It cannot be run: {error.strerror}.',
-                                            Verdict.NOT_JUDGED), True))
+                    with suppress(OSError):  # there are too many processes: try again
+                        running.append(_Run(waiting[0], seconds, reservation))
+                        waiting.popleft()
                 _wait_for_signal()
                 names = ', '.join(run.file for run in running)
                 on_wait(count, f'observing {shortened(names)}' if names else
                         'waiting for a ROS domain')
                 for run in [each for each in running if each.is_over()]:
                     running.remove(run)
-                    ended.append(run.result())
+                    grade = run.grade()
                     end_orphans()
-                for result, may_be_disturbed in ended:
-                    if may_be_disturbed and to_run is files:
-                        again.append(result.file)
+                    if grade.may_be_killed and to_run is files:
+                        again.append(grade.file)
                     else:
                         count += 1
-                        yield result
+                        yield grade
 
 
 @contextmanager
 def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
     """Block signals, and adopt orphans; yield what ends those that belong to none that runs."""
-    older = {child.pid for child in children()}
+    older = {child.pid for child in processes.children()}
 
     def end_orphans() -> None:
-        end_descendants({*older, *(run.worker.pid for run in running)})
+        processes.end_descendants({*older, *(run.pid for run in running)})
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     # Threads of numpy do not block it, and may be the first to receive it.
     handler = signal.signal(signal.SIGTERM, lambda *_: None)
-    become_subreaper()
+    processes.become_subreaper()
     try:
         yield end_orphans
     finally:
         for run in running:
-            run.worker.connection.close()  # it ends what it has started
-        deadline = time.monotonic() + _MARGIN
+            run.connection.close()  # it ends what it has started
         while running:
-            run = running.pop()
             with suppress(TimeoutExpired):
-                run.worker.wait(max(0.0, deadline - time.monotonic()))
+                running.pop().wait(_MARGIN)
         end_orphans()
-        become_subreaper(False)
+        processes.become_subreaper(False)
         signal.signal(signal.SIGTERM, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -110,34 +96,32 @@ def _wait_for_signal() -> None:
     """Wait for a moment; raise KeyboardInterrupt at a signal that comes from no program."""
     if not (received := signal.sigtimedwait(_SIGNALS, _STEP)):
         return
-    if not (received.si_pid and is_descendant(received.si_pid)):  # a terminal has no process id
+    # A terminal has no process id.
+    if not (received.si_pid and processes.is_descendant(received.si_pid)):
         raise KeyboardInterrupt
     print(f'check_arm: warning: {signal.Signals(received.si_signo).name} is ignored, since '
           'a program may have sent it; Ctrl-C ends check_arm', file=sys.stderr)
 
 
-class _Run:
+class _Run(processes.Worker):
     """A process that runs a hand-in."""
 
     def __init__(self, file: str, seconds: float, reservation: tuple[int, socket.socket]) -> None:
         self.file, self._reservation = file, reservation
-        self._directory = TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True)
-        self.worker = Worker(supervise, file, seconds, reservation[0], self._directory.name)
+        super().__init__(supervise, file, seconds, reservation[0])
         self._deadline = time.monotonic() + longest(seconds) + _MARGIN
 
     def is_over(self) -> bool:
         """Return whether the process has answered, has ended or takes too long."""
-        return self.worker.connection.poll() or time.monotonic() > self._deadline
+        return self.connection.poll() or time.monotonic() > self._deadline
 
-    def result(self) -> tuple[Grade, bool]:
-        """End the process; return the grade, and whether a signal has ended the program."""
-        result = None
+    def grade(self) -> Grade:
+        """Return the grade, and end the process."""
+        answer = None
         with suppress(EOFError):
-            if self.worker.connection.poll():
-                result = self.worker.answer()
-        how = self.worker.end()
+            if self.connection.poll():
+                answer = self.answer()
+        how = self.end()
         self._reservation[1].close()
-        with suppress(RecursionError):  # of too many directories in each other
-            self._directory.cleanup()
-        return result or (Grade(self.file, None, f'The process that runs it ended {how}.',
-                                Verdict.NOT_JUDGED), False)
+        return answer or Grade(self.file, None, f'The process that runs it ended {how}.',
+                               Verdict.NOT_JUDGED)

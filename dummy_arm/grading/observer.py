@@ -67,16 +67,13 @@ class Observer:
         finally:
             listener.unregister()
 
-    def report(self, int_line: Optional[int] = None, is_at_once: bool = False) -> Report:
-        """Judge the messages; before that, start a late listener, unless it is at once."""
+    def report(self, int_line: Optional[int] = None) -> Report:
+        """Judge the messages; before that, start a late listener."""
         from dummy_arm.grading.requirements import check
-        end = reaches = None
-        if not is_at_once:
-            self.poll()
-            end = time.time_ns()
-            reaches = self._has_static_base() and self._reaches_late_joiners()
-        report = check(self.messages, reaches, end, self.publishers(), int_line)
-        return report._replace(passed=report.passed and not is_at_once)
+        self.poll()
+        end = time.time_ns()
+        reaches = self._has_static_base() and self._reaches_late_joiners()
+        return check(self.messages, reaches, end, self.publishers(), int_line)
 
     def _has_static_base(self) -> bool:
         return any(row.child_frame_id.removeprefix('/') == 'base_link'
@@ -97,8 +94,8 @@ def observe(connection: Connection, seconds: float, domain: int, int_line: int) 
     Observe an arm.
 
     :param connection: sends an empty text when the arm may begin; then, after any message is
-        received, the observation begins, and after the next one, it ends at once; sends an
-        Observation, or a CommandError, which is a ProgramError if the program is to blame.
+        received, the observation begins; sends an Observation, or a CommandError, which is a
+        ProgramError if the program is to blame.
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
     :param int_line: as of `check`.
@@ -116,11 +113,10 @@ def observe(connection: Connection, seconds: float, domain: int, int_line: int) 
             observer = Observer(node)
             connection.send('')
             connection.recv()
-            wait_until(START, lambda: observer.poll() or connection.poll())
-            if observer.has_started:
-                wait_until(seconds, lambda: observer.poll() and connection.poll())
+            if wait_until(START, observer.poll):
+                wait_until(seconds, lambda: observer.poll() and False)
             connection.send(Observation(
-                observer.report(int_line, connection.poll()), bool(observer.messages),
+                observer.report(int_line), bool(observer.messages),
                 observer.listener.wrong_type_hint(), bool(observer.publishers())))
     except CommandError as error:
         connection.send(error)

@@ -1,6 +1,6 @@
 """Processes on Linux: the workers of this package, and the end of all that a program starts."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 import ctypes
 from multiprocessing.connection import Connection
@@ -18,7 +18,8 @@ from puretf_tools.cli.parser import CommandError
 try:
     import psutil
 except ImportError:
-    psutil = None  # type: ignore[assignment]
+    raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil'
+                       ) from None
 
 #: prctl(2)
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
@@ -33,12 +34,6 @@ sys.path[:] = connection.recv()
 function, arguments = connection.recv()
 function(connection, *arguments)
 """
-
-
-def need_psutil() -> None:
-    """Raise a CommandError if psutil is missing."""
-    if psutil is None:
-        raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil')
 
 
 class Worker(subprocess.Popen[bytes]):
@@ -103,15 +98,15 @@ def end_descendants(spared: Collection[int] = ()) -> None:
     """
     Kill and reap what this subreaper has started, but for spared children with what they started.
 
-    The children of a process that ends become children of this one. Process groups are killed as a
-    whole, since a process may start others faster than they can be looked for.
+    The children of a process that ends become children of this one. All are killed in each round,
+    before it waits for any, since those that are left may start others meanwhile.
     """
     deadline = time.monotonic() + _LONGEST_END
     while time.monotonic() < deadline and (
             found := [each for each in children() if each.pid not in spared]):
-        for each in found:
+        for each in _families(found):
             with suppress(OSError):  # it has ended, or another user owns it
-                os.killpg(os.getpgid(each.pid), signal.SIGKILL)
+                os.kill(each.pid, signal.SIGKILL)
         psutil.wait_procs(found, _ROUND)
 
 
@@ -119,10 +114,18 @@ def children() -> 'list[psutil.Process]':
     return psutil.Process().children()
 
 
+def _families(processes: 'Iterable[psutil.Process]') -> 'list[psutil.Process]':
+    """Return processes, and what they have started."""
+    running, found = [*psutil.process_iter(['ppid'])], [*processes]
+    for parent in found:  # it grows
+        found += [each for each in running if each.info['ppid'] == parent.pid]
+    return found
+
+
 def descendants() -> dict[int, int]:
     """Return the resident memory (bytes) of what this process has started, by process id."""
     found = {}
-    for process in psutil.Process().children(recursive=True):
+    for process in _families(children()):
         found[process.pid] = 0
         with suppress(psutil.Error):  # it has ended
             found[process.pid] = process.memory_info().rss

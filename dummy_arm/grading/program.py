@@ -1,7 +1,6 @@
 """The program that a student has handed in: find it, refuse it or run it."""
 
 import ast
-from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 import os
@@ -26,33 +25,35 @@ _LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 1_000_000, 200_000_
 #: How much a process may hold that is not shared (bytes), with the stacks of its threads, and how
 #: many files are copied.
 _MOST_DATA, _MOST_COPIED = 2**32, 1000
-#: The program that runs a program; if it does not call its main(), as `ros2 run` does, this
-#: follows.
+#: The program that runs a program, which must not import the arm of this package; if it does not
+#: call its main(), as `ros2 run` does, this follows.
 _RUN = """
 import os, runpy, sys
+sys.modules['dummy_arm.dummy_arm'] = sys.modules['dummy_arm.arm'] = None
 path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
 sys.path.insert(0, os.path.dirname(path))
 runpy.run_path(path, run_name='__main__')"""
-#: Why a callback is None.
+#: Why a callback is None, and why a module cannot be imported.
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
+_NOT_ITS_OWN = ': the arm must be its own'
 _TRACEBACK = 'Traceback (most recent call last):'
 #: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
 _PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
-#: The modules of this package that publish, or compute, the arm.
-_ARM = 'dummy_arm.dummy_arm', 'dummy_arm.arm'
 #: What Tk, Qt, GTK, matplotlib, SDL and pynput print where there is no display.
 _NO_DISPLAY = re.compile("no \\$DISPLAY|connect to display|open display|'headless' is currently|"
                          'No available video device|X connection|Gtk couldn')
-#: How many lines Qt prints at most when it ends.
-_LAST_LINES = 10
 #: What rclpy and Python raise if a signal ends them.
 _KILLED = re.compile('KeyboardInterrupt|ExternalShutdownException|context is (invalid|not valid)')
 
 
 class ProgramError(CommandError):
     """A program or its arm is not ok; the text says why."""
+
+
+class EndedError(ProgramError):
+    """A program has ended, perhaps by a signal of another one."""
 
 
 def program_in(path: Path) -> Path:
@@ -66,8 +67,6 @@ def program_in(path: Path) -> Path:
 
 
 def _source(path: Path) -> bytes:
-    if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe might never end
-        raise ProgramError('It is not a regular file.')
     try:
         with path.open('rb') as file:
             source = file.read(_LONGEST_SOURCE + 1)
@@ -107,49 +106,29 @@ def _has_uncalled_main(tree: ast.Module) -> bool:
     return has_main and not calls_main and not is_script
 
 
-def _lines_with_ints(tree: ast.AST) -> Iterator[int]:
-    """Yield the lines of assignments such as `translation.x = 0`."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and (
-                type(node.value.value) is int) and any(
-                isinstance(target, ast.Attribute) and target.attr in ('x', 'y', 'z', 'w')
-                for target in node.targets):
-            yield node.lineno
+def _line_with_int(tree: ast.AST) -> int:
+    """Return the line of the first assignment such as `translation.x = 0`; 0: there is none."""
+    return next((node.lineno for node in ast.walk(tree) if isinstance(node, ast.Assign)
+                 and isinstance(node.value, ast.Constant) and type(node.value.value) is int
+                 and any(isinstance(target, ast.Attribute) and target.attr in ('x', 'y', 'z', 'w')
+                         for target in node.targets)), 0)
 
 
 def _names(node: ast.AST) -> set[str]:
     return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
 
 
-def _names_of_modules(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Yield the lines and names of imports, and of texts, which may name modules, too."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield node.lineno, alias.name
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            for alias in node.names:
-                yield node.lineno, f'{node.module}.{alias.name}'
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.lineno, node.value
-
-
-def _copy(program: Path, name: str, directory: Path) -> None:
+def _copy(program: Path, directory: Path) -> None:
     """Copy a program, and what lies beside it, but for what is hidden, large or too much."""
     left = iter(range(_MOST_COPIED))
 
     def left_out(folder: str, names: list[str]) -> list[str]:
         return [each for each in names if each.startswith('.') or next(left, None) is None
-                or not _is_small(os.path.join(folder, each))]
+                or os.lstat(os.path.join(folder, each)).st_size > _LONGEST_SOURCE]
 
     with suppress(OSError):  # of files that cannot be read
         shutil.copytree(program.parent, directory, ignore=left_out)
-    shutil.copyfile(program, directory / name)
-
-
-def _is_small(path: str) -> bool:
-    return os.path.isdir(path) or (
-        os.path.isfile(path) and os.path.getsize(path) <= _LONGEST_SOURCE)
+    shutil.copyfile(program, directory / program.name)
 
 
 def _prepare() -> None:
@@ -175,16 +154,10 @@ class Program:
         :param directory: an empty directory.
         """
         tree = _parsed(_source(path), path)
-        for line, name in _names_of_modules(tree):
-            if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
-                raise ProgramError(f'It uses {name} of this package (line {line}): the arm must '
-                                   'be its own.')
         #: Where a number of a message is an int; 0: nowhere.
-        self.int_line = next(_lines_with_ints(tree), 0)
-        # rclpy.init() fails if its name is not UTF-8.
-        self._name = path.name.encode(errors='replace').decode()
-        self._folder = Path(directory, 'copy')
-        _copy(path, self._name, self._folder)
+        self.int_line = _line_with_int(tree)
+        self._name, self._folder = path.name, Path(directory, 'copy')
+        _copy(path, self._folder)
         self._arguments = ['-c', _RUN + '["main"]()' * _has_uncalled_main(tree)]
         # `pkill -f dummy_arm.py` looks at command lines, but not at the environment.
         self._environment = {
@@ -193,8 +166,6 @@ class Program:
             'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
         self._output = os.open(Path(directory, 'output'), os.O_CREAT | os.O_RDWR | os.O_APPEND)
         self._process: Optional[subprocess.Popen[bytes]] = None
-        #: True if `fault` has found that a signal may have ended the program.
-        self.may_be_killed = False
 
     def start(self) -> None:
         self._start = time.monotonic()
@@ -203,52 +174,47 @@ class Program:
             stdin=subprocess.DEVNULL, stdout=self._output, stderr=self._output,
             start_new_session=True, preexec_fn=_prepare)
 
-    def fault(self) -> str:
+    def check(self) -> None:
         """
-        Return why the program has failed; '' if it is running and has printed no traceback.
+        Raise why the program has failed, unless it is running and has printed no traceback.
 
-        :raises CommandError: if the program needs a display, and there is none.
+        :raises ProgramError: if it has failed; EndedError: perhaps by a signal.
+        :raises CommandError: if it needs a display, and there is none.
         """
-        assert self._process
+        if not self._process:
+            return
         code = self._process.poll()
         output = os.pread(self._output, _LONGEST_OUTPUT + 1, 0)
         if len(output) > _LONGEST_OUTPUT:
-            return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
+            raise ProgramError(f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.')
         if code is None and _TRACEBACK.encode() not in output:
-            return ''
+            return
         text = output.decode(errors='replace')
         error = _error_of(text, self._name)
-        self.may_be_killed = bool(_KILLED.search(error)) if error else code is not None
-        last = text.strip().splitlines()[-_LAST_LINES:]
         has_display = os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
-        if (error or code) and not has_display and (
-                match := _NO_DISPLAY.search(error or '\n'.join(last))):
+        if (error or code) and not has_display and (match := _NO_DISPLAY.search(error or text)):
             raise CommandError('It needs a display, and there is none: it prints '
                                f'"{visible(match[0])}".')
         if error:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
-            return f'It fails: {error}{_CALLED * is_called}'
-        if code is None:
-            return ''
-        seconds = time.monotonic() - self._start
-        cause = ': does it call rclpy.spin?' if code == 0 else ''
-        more = f'; its last line: {abbreviated(visible(last[-1]))}' if last else ''
-        return (f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}{cause}{more}'
-                f'{"" if cause or more else "."}')
-
-    def send(self, number: int) -> None:
-        """Send a signal to the program, and to what it has started in its process group."""
-        if self._process:
-            with suppress(OSError):
-                os.killpg(self._process.pid, number)
+            is_copied = 'halted; None in sys.modules' in error
+            kind = EndedError if _KILLED.search(error) else ProgramError
+            raise kind(f'It fails: {error}{_CALLED * is_called}{_NOT_ITS_OWN * is_copied}')
+        if code is not None:
+            seconds = time.monotonic() - self._start
+            cause = ': does it call rclpy.spin?' if code == 0 else ''
+            last = text.strip().splitlines()[-1:]
+            more = f'; its last line: {abbreviated(visible(last[0]))}' if last else ''
+            raise EndedError(f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}'
+                             f'{cause}{more}{"" if cause or more else "."}')
 
     def end(self) -> None:
-        """End the program by SIGINT, with which it can leave the ROS graph, or by SIGKILL."""
-        for number in signal.SIGINT, signal.SIGKILL:
-            self.send(number)
-            if self._process:
-                with suppress(subprocess.TimeoutExpired):
-                    self._process.wait(_GRACE)
+        """End the program by SIGINT, with which it can leave the ROS graph, if it does so soon."""
+        if self._process:
+            with suppress(OSError):
+                os.killpg(self._process.pid, signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_GRACE)
 
 
 def _error_of(output: str, name: str) -> str:

@@ -8,11 +8,9 @@ only to check_arm and to what it has started. MISTAKES are those of students; so
 
 from codecs import BOM_UTF8
 import csv
-from io import BytesIO
 import re
 from textwrap import dedent
 from typing import NamedTuple
-from zipfile import ZipFile
 
 from environment import ROOT
 
@@ -22,15 +20,14 @@ MODEL = ROOT / 'lab' / 'dummy_arm.py'
 class HandIn(NamedTuple):
     """A program that was handed in, and its grade."""
 
-    source: str | bytes | None  #: the content of its file; None: there is no file
+    source: str | None  #: the content of its file; None: there is no file
     verdict: str  #: a regular expression, too
     reason: str  #: a regular expression for the cause, or for the advice if it is ok
 
     def write(self, path):
         """Write the file, if there is one."""
         if self.source is not None:
-            path.write_bytes(
-                self.source if isinstance(self.source, bytes) else self.source.encode())
+            path.write_text(self.source)
 
 
 def program(*changes):
@@ -48,18 +45,6 @@ def limited(code):
         import os, signal, subprocess, sys, time
 
         signal.alarm(90)
-
-
-        def detached():
-            # Return True in a daemon, which init or a subreaper adopts, and False here.
-            if os.fork():
-                os.wait()
-                return False
-            os.setsid()
-            if os.fork():
-                os._exit(0)
-            signal.alarm(90)
-            return True
 
 
         def pkill(name):
@@ -81,14 +66,6 @@ def limited(code):
         """) + dedent(code)
 
 
-def zipped(source):
-    """Return a zip file with a program."""
-    file = BytesIO()
-    with ZipFile(file, 'w') as archive:
-        archive.writestr('dummy_arm.py', source)
-    return file.getvalue()
-
-
 MODEL_ANSWER = HandIn(program(), 'ok', '')
 
 #: By file.
@@ -99,7 +76,6 @@ MISTAKES = {
                                                                  'create_timer(0.2'),
         ('\n\nclass', '\nimport sys\nname = __name__\nif sys.path:\n    sys.path.append("")\n\n'
                       'class')), 'ok', 'at least 10 messages per second'),
-    'cosine.py': HandIn(program(('limit * sin(speed', 'limit * cos(speed')), 'ok', ''),
     'fixed_step.py': HandIn(program(
         ('self.start = self.get_clock().now()', 'self.t = 0.0'),
         ('t = (now - self.start).nanoseconds * 1e-9', 't = self.t = self.t + 0.02')), 'ok', ''),
@@ -112,8 +88,6 @@ MISTAKES = {
     'called.py': HandIn(program(('self.create_timer(0.02, self.send)',
                                  'self.create_timer(0.02, self.send())')),
                         'not ok', r'not callable \(line 61\): .* write self\.tick'),
-    # The path is not UTF-8, so rclpy.init() fails if it is in sys.argv.
-    'caf\udce9.py': HandIn(program(), 'ok|not judged', r'^ok|UTF-8|path'),
 
     # Wrong arms
     'full_angle.py': HandIn(program(
@@ -133,20 +107,6 @@ MISTAKES = {
     'stamp_once.py': HandIn(program(
         ('self.transform(now, parent', 'self.transform(self.start, parent')),
         'not ok', 'joint_1: always the same'),
-    'star.py': HandIn(program(
-        ("('joint_1', 'joint_2'", "('base_link', 'joint_2'"),
-        ("('joint_2', 'joint_3'", "('base_link', 'joint_3'")), 'not ok', 'The tree is a star'),
-    'w_first.py': HandIn(program(
-        ('rotation.z = sin(angle / 2)', 'rotation.x = cos(angle / 2)'),
-        ('rotation.w = cos(angle / 2)', 'rotation.w = sin(angle / 2)')),
-        'not ok', 'w is the last number'),
-    'nanoseconds.py': HandIn(program(('.nanoseconds * 1e-9', '.nanoseconds')),
-                             'not ok', '(?i)is t in seconds'),
-    'milliseconds.py': HandIn(program(('.nanoseconds * 1e-9', '.nanoseconds * 1e-6')),
-                              'not ok', '(?i)is t in seconds'),
-    'static_joints.py': HandIn(program(
-        ('self.broadcaster.sendTransform([', 'self.static_broadcaster.sendTransform([')),
-        'not ok', '(?i)joint_1.* static|static.* joint_1'),
     # Most of the messages arrive, so the arm is right.
     'many_broadcasters.py': HandIn(program(
         ('        self.broadcaster = TransformBroadcaster(self)\n', ''),
@@ -165,9 +125,6 @@ MISTAKES = {
     'no_spin.py': HandIn(program(('rclpy.spin(DummyArm())', 'DummyArm()')),
                          'not ok', r'does it call rclpy\.spin\?'),
     # Tests use the domains up to 100. The ports of 101 are still below those for clients.
-    'domain_in_environment.py': HandIn(program(
-        ('    rclpy.init()', "    import os\n    os.environ['ROS_DOMAIN_ID'] = '101'\n"
-                             '    rclpy.init()')), 'not ok', r'domain\D*\b101\b'),
     'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
                                 'not ok', r'domain\D*\b101\b'),
     'needs_display.py': HandIn('import tkinter\nwindow = tkinter.Tk()\n' + program(),
@@ -176,9 +133,6 @@ MISTAKES = {
     # No program, or an error
     'syntax.py': HandIn('import rclpy\nprint("no end)\n',
                         'not ok', 'line 2: unterminated string literal'),
-    'latin_1.py': HandIn(('# Schöner Arm\n' + program()).encode('latin-1'),
-                         'not ok', 'save it as UTF-8'),
-    'arm.zip': HandIn(zipped(program()), 'not ok', '(?i)unpack'),
     'missing.py': HandIn(None, 'not ok', r'No such file|no dummy_arm\.py'),
     'crash.py': HandIn(program(
         ('        now = self', '        self.no_method()\n        now = self')), 'not ok',
@@ -221,45 +175,22 @@ CHAOS = {
         time.sleep(90)
         """), 'not ok', r'does rclpy\.spin run\?'),
     # PyDLL keeps the GIL, so that Python handles no signal.
-    'blocks.py': HandIn(limited('') + program(
-        ('        now = self', '        self.ticks = getattr(self, "ticks", 0) + 1\n'
-                               '        if self.ticks == 200:\n            import ctypes\n'
-                               '            ctypes.PyDLL(None).pause()\n        now = self')),
-        'not ok', r'joint_1 has not been sent for the last'),
-
     # Survivors
     'survivors.py': HandIn(limited("""
-        def fork_again_and_again():
-            for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
-                signal.signal(number, signal.SIG_IGN)
-            end = time.monotonic() + 60
-            while time.monotonic() < end:
-                if os.fork():
-                    os._exit(0)
-                time.sleep(0.5)
-            os._exit(0)
-
-        if detached():
+        if os.fork() == 0:  # a daemon, which a subreaper adopts
+            os.setsid()
+            if os.fork():
+                os._exit(0)
             os.closerange(0, 1024)
-            os.chdir('/')
             os.execve('/bin/sleep', ['sleep', '90'], {})
-        if detached():
-            fork_again_and_again()
         subprocess.Popen(['sleep', '90'], start_new_session=True)
         """) + program(), 'ok', ''),
-    # A wrong arm, in the domain that another program may get next.
-    'publishing_survivor.py': HandIn(limited("""
-        if len(sys.argv) == 1:
-            if detached():
-                os.execv(sys.executable, [sys.executable, __file__, 'again'])
-            sys.exit()
-        """) + program(('radians(45)', 'radians(90)')), 'not ok', r'(?i)\bend(s|ed)\b'),
-
     # Programs that take too much
-    # Small processes: 128 of them have less memory than its limit.
+    # Small processes, in sessions of their own: 128 have less memory than its limit.
     'fork_bomb.py': HandIn(limited("""
         for _ in range(11):
-            os.fork()
+            if os.fork() == 0:
+                os.setsid()
             signal.alarm(60)
         time.sleep(60)
         """), 'not ok', 'more than 128 processes'),
@@ -277,16 +208,11 @@ CHAOS = {
         time.sleep(60)
         """), 'not ok', r'(?i)\bGiB\b|memory'),
     'one_large_array.py': HandIn('held = bytearray(2**40)\n', 'not ok', r'MemoryError \(line 1\)'),
-    # The first file has no name, so that nothing stays in /tmp.
     'large_file.py': HandIn(limited("""
-        import tempfile
-
-        for file in tempfile.TemporaryFile(dir='/tmp'), open('large', 'wb'):
-            with file:
-                for _ in range(1000):
-                    file.write(bytes(10**6))
-        time.sleep(60)
-        """), 'not ok', r'(?i)file too large|\b200 MB|SIGXFSZ|signal 25'),
+        with open('large', 'wb') as file:
+            for _ in range(201):
+                file.write(bytes(10**6))
+        """), 'not ok', 'File too large'),
     'endless_line.py': HandIn(limited("""
         while True:
             sys.stdout.write('x' * 2**16)
@@ -296,9 +222,6 @@ CHAOS = {
          '        while True:\n            self.broadcaster.sendTransform(1000 * ['),
         ('            self.transform(now, parent', '                self.transform(now, parent')),
         'not ok', 'More transforms arrive|more than once|has not been sent|publishes nothing'),
-    'large_source.py': HandIn(program() + '# ' + 2_000_000 * 'x', 'not ok', r'\b1 MB'),
-    'deep.py': HandIn('-' * 100_000 + '1\n', 'not ok', 'does not compile'),
-
     # What it changes is a copy
     'deletes_its_folder.py': HandIn(limited("""
         import shutil
@@ -306,20 +229,12 @@ CHAOS = {
         """) + program(), 'ok', ''),
 
     # The row would be a formula in a spreadsheet, and its line would be overwritten in a terminal.
-    '=1+1.py': HandIn(limited(r"""
-        print('\rother: ok\nTraceback (most recent call last):', flush=True)
-        time.sleep(2)
-        print('  File "a", line 1\n=1+1\x1b[2K\x1b[1A\rother: ok\x07\u202e\nother: ok', flush=True)
-        time.sleep(90)
-        """), 'not ok', r'=1\+1\\x1b\[2K\\x1b\[1A'),
+    '=1+1.py': HandIn(r"raise ValueError('\x1b[2K\x1b[1A\rother: ok')", 'not ok',
+                      r'ValueError: \\x1b\[2K\\x1b\[1A'),
 
     # The arm of this package
-    'imports_package.py': HandIn(
-        'from dummy_arm.dummy_arm import main\nmain()\n', 'not ok', r'dummy_arm\.dummy_arm'),
-    'imports_by_name.py': HandIn("""
-import importlib
-arm = importlib.import_module('dummy_arm.arm').Arm()
-""", 'not ok', r'dummy_arm\.arm')}
+    'imports_package.py': HandIn('from dummy_arm.dummy_arm import main\nmain()\n', 'not ok',
+                                 r'dummy_arm\.dummy_arm .*: the arm must be its own')}
 
 
 def read_table(path):
@@ -345,17 +260,15 @@ def differences(expected, output, table):
         found[''] = 'the table does not begin with a BOM'
     if not len(lines) == len(rows) == len(expected):
         found[''] = f'{len(lines)} lines and {len(rows)} rows for {len(expected)} files:\n{output}'
-    for (name, hand_in), line, row in zip(expected.items(), lines, rows):
-        begin = re.split('[^ -~]', name)[0]  # the rest is escaped
-        said = line.partition(': ')[2]
-        if not (begin in row['file'] and begin in line
+    for (name, hand_in), row in zip(expected.items(), rows):
+        (line,) = [line for line in lines if line.startswith(f'{name}: {row["verdict"]}')]
+        if not (row['file'].removeprefix("'") == name
                 and re.fullmatch(hand_in.verdict, row['verdict'])
-                and re.match(rf'{row["verdict"]}($|[:;])', said)
-                and re.search(hand_in.reason, said)
+                and re.search(hand_in.reason, line)
                 and bool(row['reason']) == (row['verdict'] != 'ok')):
             found[name] = f'{hand_in.verdict} ({hand_in.reason!r}) expected, got {line}'
         elif not line.isprintable():
             found[name] = f'not printable: {line!r}'
-        elif formulas := [cell for cell in row.values() if cell.startswith(tuple('=+-@\t\r'))]:
-            found[name] = f'formulas: {formulas}'
+        elif any(cell.startswith(tuple('=+-@')) for cell in row.values()):
+            found[name] = f'a formula: {row}'
     return found
