@@ -56,7 +56,7 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
 @contextmanager
 def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
     """Block signals, and adopt orphans; yield what ends those that belong to none that runs."""
-    older = {child.pid for child in processes.children()}
+    older = {child.pid for child in processes.descendants()}
 
     def end_orphans() -> None:
         processes.end_descendants({*older, *(run.pid for run in running)})

@@ -4,7 +4,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
 import time
-from typing import NamedTuple, Optional, TYPE_CHECKING
+from typing import Optional, TYPE_CHECKING
 import warnings
 
 from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, start_of
@@ -80,22 +80,14 @@ class Observer:
                    for message in self.messages if message.is_static for row in message.rows)
 
 
-class Observation(NamedTuple):
-    """What an observer in a process of its own has found."""
-
-    report: Report
-    has_messages: bool
-    wrong_type: str  #: who publishes another type than TFMessage; '' if nobody does
-    has_broadcaster: bool
-
-
 def observe(connection: Connection, seconds: float, domain: int, int_line: int) -> None:
     """
     Observe an arm.
 
     :param connection: sends an empty text when the arm may begin; then, after any message is
-        received, the observation begins; sends an Observation, or a CommandError, which is a
-        ProgramError if the program is to blame.
+        received, the observation begins; sends the Report, what is wrong with the publishers, and
+        whether there are any; or a CommandError, which is a ProgramError if the program is to
+        blame.
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
     :param int_line: as of `check`.
@@ -115,8 +107,12 @@ def observe(connection: Connection, seconds: float, domain: int, int_line: int) 
             connection.recv()
             if wait_until(START, observer.poll):
                 wait_until(seconds, lambda: observer.poll() and False)
-            connection.send(Observation(
-                observer.report(int_line), bool(observer.messages),
-                observer.listener.wrong_type_hint(), bool(observer.publishers())))
+            report, publishers = observer.report(int_line), observer.publishers()
+            fault = '' if report.passed else observer.listener.wrong_type_hint()
+            if not fault and not observer.messages:
+                has = ' It has a broadcaster, but sends nothing with it.' * bool(publishers)
+                fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is '
+                         'the timer created, with its period in seconds, and does rclpy.spin run?')
+            connection.send((report, fault, bool(publishers)))
     except CommandError as error:
         connection.send(error)

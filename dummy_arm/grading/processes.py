@@ -1,6 +1,6 @@
 """Processes on Linux: the workers of this package, and the end of all that a program starts."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 import ctypes
 from multiprocessing.connection import Connection
@@ -102,33 +102,20 @@ def end_descendants(spared: Collection[int] = ()) -> None:
     before it waits for any, since those that are left may start others meanwhile.
     """
     deadline = time.monotonic() + _LONGEST_END
-    while time.monotonic() < deadline and (
-            found := [each for each in children() if each.pid not in spared]):
-        for each in _families(found):
+    while time.monotonic() < deadline and (found := descendants(spared)):
+        for each in found:
             with suppress(OSError):  # it has ended, or another user owns it
                 os.kill(each.pid, signal.SIGKILL)
         psutil.wait_procs(found, _ROUND)
 
 
-def children() -> 'list[psutil.Process]':
-    return psutil.Process().children()
-
-
-def _families(processes: 'Iterable[psutil.Process]') -> 'list[psutil.Process]':
-    """Return processes, and what they have started."""
-    running, found = [*psutil.process_iter(['ppid'])], [*processes]
+def descendants(spared: Collection[int] = ()) -> 'list[psutil.Process]':
+    """Return what this process has started, but for spared children with what they started."""
+    running = [*psutil.process_iter(['ppid', 'memory_info'])]
+    found = [each for each in running
+             if each.info['ppid'] == os.getpid() and each.pid not in spared]
     for parent in found:  # it grows
         found += [each for each in running if each.info['ppid'] == parent.pid]
-    return found
-
-
-def descendants() -> dict[int, int]:
-    """Return the resident memory (bytes) of what this process has started, by process id."""
-    found = {}
-    for process in _families(children()):
-        found[process.pid] = 0
-        with suppress(psutil.Error):  # it has ended
-            found[process.pid] = process.memory_info().rss
     return found
 
 

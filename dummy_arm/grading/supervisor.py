@@ -16,7 +16,7 @@ import warnings
 
 from dummy_arm.grading import processes
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.observer import Observation, observe
+from dummy_arm.grading.observer import observe
 from dummy_arm.grading.program import EndedError, Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
 from puretf.domains import ros_domains
@@ -88,9 +88,13 @@ class _Supervisor:
             self._answer()
             self._program.start()
             self._observer.send('begin')
-            found: Observation = self._answer()
+            report, fault, has_publishers = self._answer()
             self._program.check()
-            return self._grade(found, domain)
+            if not has_publishers:
+                fault = self._elsewhere(domain) or fault
+            line = report.first_failure
+            return Grade(self._file, report, fault or report.reason, Verdict.NOT_OK if fault else
+                         line.verdict if line else Verdict.OK)
         finally:
             self._program.end()
             self._observer.end()
@@ -109,29 +113,16 @@ class _Supervisor:
             raise answer
         return answer
 
-    def _grade(self, found: Observation, domain: int) -> Grade:
-        fault = ('' if found.report.passed else found.wrong_type) or (
-            '' if found.has_broadcaster else self._elsewhere(domain))
-        if not fault and not found.has_messages:
-            has = ' It has a broadcaster, but sends nothing with it.' * found.has_broadcaster
-            fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is the '
-                     'timer created, with its period in seconds, and does rclpy.spin run?')
-        if fault:
-            return Grade(self._file, found.report, fault, Verdict.NOT_OK)
-        line = found.report.first_failure
-        return Grade(self._file, found.report, found.report.reason,
-                     line.verdict if line else Verdict.OK)
-
     def _elsewhere(self, domain: int) -> str:
         """Return in which other ROS domain the program publishes; '' if in none."""
-        others = [each for each in sorted(ros_domains(self._processes())) if each != domain]
+        found = ros_domains([each.pid for each in self._processes()])
+        others = [each for each in sorted(found) if each != domain]
         return (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; the '
                 'user sets the domain.') if others else ''
 
-    def _processes(self) -> dict[int, int]:
-        """Return the memory (bytes) of the processes of the hand-in, by process id."""
-        return {pid: memory for pid, memory in processes.descendants().items()
-                if pid != self._observer.pid}
+    def _processes(self) -> list[Any]:
+        """Return the processes of the hand-in."""
+        return processes.descendants([self._observer.pid])
 
     def _watch(self) -> None:
         """
@@ -155,7 +146,7 @@ class _Supervisor:
         if len(found) > _MOST_PROCESSES:
             processes.end_descendants()
             raise ProgramError(f'It starts more than {_MOST_PROCESSES} processes.')
-        if sum(found.values()) > _MOST_MEMORY:
+        if sum(each.info['memory_info'].rss for each in found) > _MOST_MEMORY:
             raise ProgramError(f'It uses more than {_MOST_MEMORY // 2**30} GiB of memory.')
         self._next_scan = time.monotonic() + _SCAN_INTERVAL
 

@@ -159,11 +159,13 @@ def test_without_psutil(failed, monkeypatch):
         1, 'check_arm: psutil is missing: pip install psutil, or apt install python3-psutil\n')
 
 
+#: A zip archive without files.
+ZIP = b'PK\x05\x06' + bytes(18)
 #: By name: the bytes of a hand-in, and the reason why it is not run.
 REFUSED: dict[str, tuple[Any, str]] = {
     'umlaut.py': ('# größer\n'.encode('latin-1'), 'It is not encoded as UTF-8: save it as UTF-8.'),
     'utf_16.py': ('import os\n'.encode('utf-16'), 'It is not encoded as UTF-8: save it as UTF-8.'),
-    'zip.py': (b'PK\x03\x04', 'It is a zip archive: unpack it.'),
+    'zip.py': (ZIP, 'It is a zip archive: unpack it.'),
     'long.py': (b'#' * 1_000_001, 'It has more than 1 MB.'),
     'path.py': (b'path = "C:\\Users"\n', 'It does not compile: line 1: (unicode error)'),
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
@@ -182,7 +184,7 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
             Path(name).write_bytes(content)
     package = Path('folder', 'src', 'dummy_arm', 'dummy_arm')
     package.mkdir(parents=True)
-    (package / 'dummy_arm.py').write_bytes(b'PK\x03\x04')
+    (package / 'dummy_arm.py').write_bytes(ZIP)
     assert main([*REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback', '--jobs', '2']) == 1
     lines = capsys.readouterr().out.splitlines()
     for name, (_, reason) in REFUSED.items():
@@ -198,7 +200,7 @@ def test_a_bar_in_a_terminal(tmp_path, monkeypatch):
     """It says what is waited for; the line is printed after it is removed."""
     pytest.importorskip('tqdm')
     monkeypatch.chdir(tmp_path)
-    Path('arm.py').write_bytes(b'PK\x03\x04')
+    Path('arm.py').write_text('print(')
     assert 'observing arm.py' in call(main, 'arm.py', columns=80).stderr
     assert call(main, 'arm.py').stderr == ''
 
@@ -208,11 +210,11 @@ def test_feedback_on_a_drawing(tmp_path, monkeypatch):
     """The frames.pdf beside a program is judged, too."""
     pytest.importorskip('pypdf')
     monkeypatch.chdir(tmp_path)
-    Path('arm.py').write_bytes(b'PK\x03\x04')
+    Path('arm.py').write_text('print(')
     Path('frames.pdf').write_text('no PDF')
     assert main(['arm.py', '--feedback', 'feedback']) == 1
     assert (tmp_path / 'feedback' / 'arm.py.txt').read_text() == (
-        'arm.py: not ok: It is a zip archive: unpack it.\n\n'
+        "arm.py: not ok: It does not compile: line 1: '(' was never closed.\n\n"
         'frames.pdf: not ok: It is not a PDF with text that can be read.\n')
 
 
