@@ -60,7 +60,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
             if feedback:
                 try:
                     _write_feedback(Path(feedback), files, result)
-                except CommandError as error:  # the table is the record
+                except (CommandError, OSError) as error:  # the table is the record
                     print(f'check_arm: warning: {visible(str(error))}', file=sys.stderr)
     except KeyboardInterrupt:
         count = sum(rows[name]['verdict'] == Verdict.NOT_RUN for name in names)
@@ -126,10 +126,7 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
 
 def _write(path: Path, content: 'str | bytes') -> None:
     """Write a file, and create the directories in which it lies."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CommandError(f'cannot write {path}: {error.strerror}') from None
+    path.parent.mkdir(parents=True, exist_ok=True)
     if isinstance(content, str):
         content = content.encode(errors='backslashreplace')
     with whole_file(path) as part:

@@ -62,7 +62,8 @@ def recreation(arm: Arm) -> str:
 
 def static_joints(arm: Arm) -> str:
     """Say which joints are sent as static transforms; '' if none is."""
-    names = arm.static_joints
+    names = [joint.name for joint in JOINTS if (samples := arm.samples.get(joint.name))
+             and samples.is_static.all()]
     return (f'{", ".join(names)} {"are" if len(names) > 1 else "is"} sent with '
             'StaticTransformBroadcaster: send the joints with TransformBroadcaster in a timer.'
             ) if names else ''

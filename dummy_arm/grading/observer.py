@@ -7,9 +7,10 @@ import time
 from typing import Optional, TYPE_CHECKING
 import warnings
 
-from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, start_of
+from dummy_arm.grading.processes import end_with_parent, pid_of_publisher
 from dummy_arm.grading.program import ProgramError
 from dummy_arm.grading.records import Message, MOST, Publisher, Report, START
+from dummy_arm.grading.sheet import BASE
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 
@@ -54,7 +55,7 @@ class Observer:
 
     def publishers(self) -> list[Publisher]:
         """Return the publishers that have been seen, those of the oldest process first."""
-        return sorted(self._publishers.values(), key=lambda each: start_of(each.pid))
+        return sorted(self._publishers.values(), key=lambda each: each.pid)
 
     def _reaches_late_joiners(self) -> bool:
         """Return whether a listener that starts now receives base_link on /tf_static."""
@@ -63,7 +64,7 @@ class Observer:
         listener = StaticTransformListener(buffer, self._node)
         try:
             return wait_until(_LATE, lambda: any(
-                frame.name == 'base_link' for frame in buffer.frames()))
+                frame.name == BASE.name for frame in buffer.frames()))
         finally:
             listener.unregister()
 
@@ -72,12 +73,10 @@ class Observer:
         from dummy_arm.grading.requirements import check
         self.poll()
         end = time.time_ns()
-        reaches = self._has_static_base() and self._reaches_late_joiners()
+        has_base = any(row.child_frame_id.removeprefix('/') == BASE.name
+                       for message in self.messages if message.is_static for row in message.rows)
+        reaches = has_base and self._reaches_late_joiners()
         return check(self.messages, reaches, end, self.publishers(), int_line)
-
-    def _has_static_base(self) -> bool:
-        return any(row.child_frame_id.removeprefix('/') == 'base_link'
-                   for message in self.messages if message.is_static for row in message.rows)
 
 
 def observe(connection: Connection, seconds: float, domain: int, int_line: int) -> None:

@@ -130,14 +130,6 @@ def is_descendant(pid: int) -> bool:
 # ROS
 
 
-def start_of(pid: int) -> float:
-    """Return when a process has started (s); 0 if it has ended."""
-    try:
-        return float(psutil.Process(pid).create_time())
-    except psutil.Error:
-        return 0.0
-
-
 def pid_of_publisher(gid: str) -> int:
     """Return the process id of a publisher, from its gid in hex; 0 if it is not known."""
     prefix = bytes.fromhex(gid[:16])

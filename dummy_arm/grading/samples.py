@@ -10,7 +10,7 @@ from typing import Any, Optional
 import numpy as np
 
 from dummy_arm.grading.records import Message, Publisher
-from dummy_arm.grading.sheet import EDGES, FRAMES, JOINTS
+from dummy_arm.grading.sheet import EDGES, FRAMES
 from dummy_arm.grading.sine import Floats
 from puretf import SECOND, shortened
 from puretf_tools.inspection.traffic import recreated
@@ -26,16 +26,14 @@ class Samples:
         self.parents = [*{_name(row.frame_id): None for _, row in rows}]  # as they appear
         self.is_static = np.array([message.is_static for message, _ in rows])
         self.poses = np.array([row.pose for _, row in rows], float)
+        self.positions = self.poses[:, :3]  # (m)
         self.publishers = [message.publisher for message, _ in rows]
         moving = [(message, row) for message, row in rows if not message.is_static]
         #: Of the transforms on /tf: the times of arrival (s; 0: not known) and the stamps (ns).
         self.times = np.array([message.time / SECOND for message, _ in moving])
         self.stamps = np.array([row.stamp_ns for _, row in moving], np.int64)
-
-    @property
-    def delays(self) -> Floats:
-        """The times from the stamps to the arrivals (s) of the transforms on /tf."""
-        return np.asarray(self.times - self.stamps / SECOND)
+        #: The times from the stamps to the arrivals (s) of the transforms on /tf.
+        self.delays = self.times - self.stamps / SECOND
 
     @property
     def interval(self) -> float:
@@ -49,11 +47,6 @@ class Samples:
         is_new = steps != 0
         interval = np.median(abs(steps[is_new])) / SECOND
         return np.asarray(np.append(0, np.cumsum(is_new)) * interval)
-
-    @property
-    def positions(self) -> Floats:
-        """(n, 3): the positions (m)."""
-        return self.poses[:, :3]
 
     @cached_property
     def rotations(self) -> Floats:
@@ -107,12 +100,6 @@ class Arm:
                        if (samples := self.samples.get(edge.name)) and len(samples.times)}
         times = [samples.times[-1] for samples in self.samples.values() if len(samples.times)]
         self.end = max(times, default=0.0) if end is None else end / SECOND  # s
-
-    @property
-    def static_joints(self) -> list[str]:
-        """The joints that are sent as static transforms only."""
-        return [joint.name for joint in JOINTS if (samples := self.samples.get(joint.name))
-                and samples.is_static.all()]
 
     @cached_property
     def frames_of(self) -> dict[tuple[bool, str], set[str]]:

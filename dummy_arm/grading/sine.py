@@ -14,9 +14,9 @@ FEWEST = 20
 _LARGEST_RESIDUAL = 0.02
 #: The largest angular frequency that is looked for (rad/s).
 FASTEST = 20.0
-#: The time at the beginning of an observation in which the speed is looked for (s), and the
-#: largest number of samples that are used.
-_FIRST_WINDOW, _MOST_SAMPLES = 60.0, 1000
+#: How much of an observation is looked at (s), if it has enough samples; and the largest number of
+#: samples that are used to look for the speed.
+_LONGEST, _MOST_SAMPLES = 120.0, 1000
 
 
 class Sine(NamedTuple):
@@ -48,30 +48,23 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     """
     Fit c + a sin(speed t) + b cos(speed t) to angles by least squares.
 
-    The speed is searched on a grid, in a window at the beginning. Then it is improved by
-    Gauss-Newton steps, as in the four-parameter sine fit of IEEE Std 1057, in windows that grow to
-    the whole observation.
+    The speed is searched on a grid. Then it is improved by Gauss-Newton steps, as in the
+    four-parameter sine fit of IEEE Std 1057. In a long observation, only its beginning counts.
 
     :param times: (n,) times (s), n >= 20, in ascending order.
     :param angles: (n,) angles (rad), which are not all equal.
     """
     t = times - times[0]
-    span, window = t[-1], min(t[-1], max(_FIRST_WINDOW, t[FEWEST - 1]))
-    step, speed = pi / (4 * window), 0.0
-    while True:
-        count = int(np.searchsorted(t, window, 'right'))
-        used = slice(0, count, -(-count // _MOST_SAMPLES))
-        if not speed:
-            fastest = min(FASTEST, 0.9 * pi * (count - 1) / window)
-            speed = _best(t[used], angles[used], np.arange(step, fastest, step))
-        speed = _improved(t[used], angles[used], speed, pi / (4 * window), fastest)
-        if window == span:
-            break
-        window = min(4 * window, span)
+    count = int(np.searchsorted(t, max(_LONGEST, t[FEWEST - 1]), 'right'))
+    t, angles = t[:count], angles[:count]
+    step, used = pi / (4 * t[-1]), slice(0, count, -(-count // _MOST_SAMPLES))
+    fastest = min(FASTEST, 0.9 * pi * (count - 1) / t[-1])
+    speed = _best(t[used], angles[used], np.arange(step, fastest, step))
+    speed = _improved(t, angles, speed, step, fastest)
     (_, a, b), residual = fit(_columns(t, speed), angles)
     amplitude = max(hypot(a, b), 1e-12)
     return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
-                speed * span / (2 * pi))
+                speed * t[-1] / (2 * pi))
 
 
 def _best(t: Floats, y: Floats, speeds: Floats) -> float:
