@@ -1,27 +1,16 @@
-"""check_arm in rare cases: a static arm, busy domains, a reader that has ended."""
+"""check_arm in rare cases: busy domains, Ctrl-C at any time, a middleware that hangs."""
 
 from contextlib import ExitStack, suppress
 import os
 from pathlib import Path
 import signal
 import socket
-import sys
 import time
 
 from processes import tool
 import pytest
 
 from dummy_arm.grading.records import DOMAINS
-
-
-def test_an_arm_that_is_static(start):
-    """If nothing is on /tf, the frames are judged all the same, and base_link is received."""
-    start(*tool('static_transform_publisher', '--frame-id', 'map', '--child-frame-id',
-                'base_link')).line_with('translation')
-    process = start(*tool('check_arm', '--time', '1'))
-    assert process.exit_code() == 1
-    assert 'base_link reaches a late listener             received\n' in process.output
-    assert 'No transform of joint_1 was received: nothing arrives on /tf.' in process.output
 
 
 def test_busy_domains_are_waited_for(start, tmp_path):
@@ -36,19 +25,6 @@ def test_busy_domains_are_waited_for(start, tmp_path):
         time.sleep(3.0)
         assert not process.has_ended()
     assert process.line_with('fast.py: not ok: It ended by itself')
-
-
-def test_a_closed_output(start, tmp_path):
-    """If the reader of the output has ended, not all is judged: the exit code is 1."""
-    for name in 'a.py', 'b.py':
-        (tmp_path / name).write_text('')
-    code = 'import os, subprocess, sys\n' \
-           'done = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE)\n' \
-           'done.stdout.close()\nsys.exit(done.wait())\n'
-    process = start('-c', code, sys.executable, '-u', *tool('check_arm', 'a.py', 'b.py'),
-                    cwd=tmp_path)
-    assert process.exit_code() == 1
-    assert 'Traceback' not in process.output
 
 
 @pytest.mark.parametrize('delay', [0.1 * i for i in range(3, 18)])

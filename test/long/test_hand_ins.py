@@ -2,12 +2,10 @@
 
 import ctypes
 from itertools import chain, zip_longest
-import os
-import signal
-import time
 
 from hand_ins import CHAOS, differences, MISTAKES, MODEL_ANSWER
-from processes import children_of_all, own_pids, TIMEOUT, tool
+from processes import own_pids, TIMEOUT, tool
+import psutil
 import pytest
 
 #: How long check_arm may take (s).
@@ -24,24 +22,18 @@ PR_SET_CHILD_SUBREAPER = 36
 
 @pytest.fixture
 def orphans():
-    """
-    Adopt the processes whose parents have ended, whatever else they hide; return their ids.
-
-    After the test, they are killed.
-    """
-    def children():
-        return [pid for pid in children_of_all().get(os.getpid(), []) if pid not in own_pids]
-
-    before = children()
+    """Adopt the processes whose parents have ended; return them. After the test, kill them."""
+    own = psutil.Process()
+    before = own.children()
     libc = ctypes.CDLL(None)
     assert libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) == 0
     try:
-        yield lambda: [pid for pid in children() if pid not in before]
-        deadline = time.monotonic() + TIMEOUT
-        while (left := {*children()} - {*before}) and time.monotonic() < deadline:
-            for pid in left:
-                os.kill(pid, signal.SIGKILL)
-                os.waitpid(pid, 0)
+        yield lambda: [each for each in own.children()
+                       if each not in before and each.pid not in own_pids]
+        while left := {*own.children()} - {*before}:
+            for each in left:
+                each.kill()
+            psutil.wait_procs(left, TIMEOUT)
     finally:
         libc.prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
 

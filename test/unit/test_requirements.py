@@ -178,14 +178,6 @@ def test_an_arm_that_stops():
     assert report.first_failure == line_of(report, 'joint_2 moves')
 
 
-def test_old_stamps_and_static_transforms_without_times():
-    """Joints on both topics, without times and with old stamps, are judged without an error."""
-    messages = received(changed(stamp=lambda self, edge, now: now - 10 * S))
-    static = Message(0, True, 'one', messages[1].rows)
-    report = check([static, *messages], True)
-    assert not report.passed
-
-
 def test_a_late_listener():
     """It is a requirement where it can be judged."""
     report = check(received(Arm()), False)
@@ -236,27 +228,18 @@ def in_callback(arm, number=lambda tick: tick):
     ([], 'all transforms'),
     (in_callback(changed(topics=('/tf_static', *[''] * 4))), 'the tree'),
     (in_callback(Arm())[:2], 'joint_1 moves'),
-    (in_callback(Arm())[:200:100], 'joint_1 moves'),
     (in_callback(Arm())[:500:50], 'joint_1 moves as a sine'),
-    (in_callback(Arm(), lambda tick: tick // 4 * 2 + tick % 2), 'the tree')])
+    (in_callback(Arm(), lambda tick: tick // 4 * 2 + tick % 2), 'the tree'),
+    (in_callback(Arm()), 'each broadcaster')])
 def test_broadcasters_that_are_created_in_a_callback(messages, requirement):
-    """They are the cause of what is not received, and of what two of them send."""
+    """They are the cause of what is missing, or sent twice; if all arrives, it is advice."""
     publishers = [Publisher('one', '/dummy_arm', True, 0), *(
         Publisher(f'gid {i}', '/dummy_arm', False, 0) for i in range(1000))]
-    failure = first_failure(check(messages, True, publishers=publishers))
-    assert failure.requirement.startswith(requirement)
+    report = check(messages, True, publishers=publishers)
+    line = report.first_failure or line_of(report, 'each broadcaster')
+    assert line.requirement.startswith(requirement)
     assert re.match('(999|1000) publishers, one after another, from one node: create the '
-                    'broadcaster once', failure.text)
-
-
-def test_broadcasters_that_are_created_in_a_callback_may_work():
-    """If all arrives, it is only advised against, also if nothing is known but the messages."""
-    report = check(in_callback(Arm()))
-    assert report.passed
-    advice = line_of(report, 'each broadcaster')
-    assert advice.verdict == Verdict.ADVICE
-    assert advice.measured == '501 publishers, one after another'
-    assert advice.text.startswith('501 publishers, one after another: create the broadcaster once')
+                    'broadcaster once', line.text)
 
 
 def test_a_broadcaster_for_each_frame():
@@ -330,11 +313,3 @@ def test_an_int():
     arm = changed(rotation=lambda self, edge, angle: (
         (0.0, 0.0, 0.0, 4e-323) if edge == 4 else Arm.rotation(self, edge, angle)))
     assert 'The quaternion of end_effector has an int.' in check(received(arm)).reason
-
-
-def test_the_measured_values():
-    """They are those of the arm, and stand in the line."""
-    assert line_of(report_of_the_model(), 'at least 10').measured == '20.0 Hz'
-    line = line_of(check(received(WRONG['full angle'][0])), 'joint_1 stays')
-    assert line.measured == '-90.0° to 90.0°'
-    assert line.text.startswith('The limit is exceeded by 45.0°: the angle is twice as large')
