@@ -18,10 +18,8 @@ def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
     """
     Run each program in a ROS domain of its own, and judge the arm that it publishes.
 
-    Each program runs under a process of its own, which ends all that the program starts. In the
-    end, programs that a signal has ended run again, one after the other, since another program may
-    have sent it. The iteration must be in the main thread, and nothing else may start processes
-    meanwhile.
+    Each program runs under a process of its own, which ends all that the program starts. The
+    iteration must be in the main thread, and nothing else may start processes meanwhile.
 
     :param files: the paths of the programs, or of the folders in which they lie.
     :param seconds: how long to observe each arm (s).

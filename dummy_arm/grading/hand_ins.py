@@ -28,29 +28,23 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
            on_wait: Callable[[int, str], object]) -> Generator[Grade, None, None]:
     """Yield what `dummy_arm.grading.grade` returns."""
     running: list[_Run] = []
-    again: list[str] = []  # what another program may have ended, alone
-    count = 0
+    waiting, count = deque(files), 0
     with _cleanup(running) as end_orphans:
-        for to_run, most in (files, jobs), (again, 1):
-            waiting = deque(to_run)
-            while waiting or running:
-                if waiting and len(running) < most and (reservation := _reserved_domain()):
-                    with suppress(OSError):  # there are too many processes: try again
-                        running.append(_Run(waiting[0], seconds, reservation))
-                        waiting.popleft()
-                _wait_for_signal()
-                names = ', '.join(run.file for run in running)
-                on_wait(count, f'observing {shortened(names)}' if names else
-                        'waiting for a ROS domain')
-                for run in [each for each in running if each.is_over()]:
-                    running.remove(run)
-                    grade = run.grade()
-                    end_orphans()
-                    if grade.may_be_killed and to_run is files:
-                        again.append(grade.file)
-                    else:
-                        count += 1
-                        yield grade
+        while waiting or running:
+            if waiting and len(running) < jobs and (reservation := _reserved_domain()):
+                with suppress(OSError):  # there are too many processes: try again
+                    running.append(_Run(waiting[0], seconds, reservation))
+                    waiting.popleft()
+            _wait_for_signal()
+            names = ', '.join(run.file for run in running)
+            on_wait(count, f'observing {shortened(names)}' if names else
+                    'waiting for a ROS domain')
+            for run in [each for each in running if each.is_over()]:
+                running.remove(run)
+                grade = run.grade()
+                end_orphans()
+                count += 1
+                yield grade
 
 
 @contextmanager

@@ -91,16 +91,14 @@ def observe(connection: Connection, seconds: float, domain: int, int_line: int) 
     :param domain: the ROS domain.
     :param int_line: as of `check`.
     """
-    from rclpy.logging import get_logging_severity_from_string, set_logger_level
-
     from puretf_tools.cli.node import spinning_node
     warnings.simplefilter('ignore')  # of numbers that are too large
     end_with_parent()  # also if the middleware hangs
-    # The lines of all programs would be mixed, and the report has what matters.
-    set_logger_level('tf2_buffer', get_logging_severity_from_string('FATAL'))
     os.environ['ROS_DOMAIN_ID'] = str(domain)
     try:
-        with spinning_node('check_arm', ['check_arm']) as node:
+        # The report has what matters; the lines of several programs would be mixed.
+        with spinning_node('check_arm', [
+                'check_arm', '--ros-args', '--log-level', 'tf2_buffer:=fatal']) as node:
             observer = Observer(node)
             connection.send('')
             connection.recv()

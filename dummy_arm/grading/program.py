@@ -41,16 +41,10 @@ _NOT_ITS_OWN = ': the arm must be its own'
 _TRACEBACK = 'Traceback (most recent call last):'
 #: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
 _PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
-#: What rclpy and Python raise if a signal ends them.
-_KILLED = re.compile('KeyboardInterrupt|ExternalShutdownException|context is (invalid|not valid)')
 
 
 class ProgramError(CommandError):
     """A program or its arm is not ok; the text says why."""
-
-
-class EndedError(ProgramError):
-    """A program has ended, perhaps by a signal of another one."""
 
 
 def program_in(path: Path) -> Path:
@@ -125,7 +119,8 @@ def _prepare() -> None:
                        (resource.RLIMIT_DATA, _MOST_DATA)):
         limits = [each for each in resource.getrlimit(kind) if each >= 0]
         resource.setrlimit(kind, 2 * (min([most, *limits]),))
-    signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    # SIGTERM is not for this program, if another one sends it to all, as by `pkill python`.
+    signal.pthread_sigmask(signal.SIG_SETMASK, [signal.SIGTERM])
 
 
 class Program:
@@ -175,15 +170,15 @@ class Program:
         if error:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
             is_copied = 'halted; None in sys.modules' in error
-            kind = EndedError if _KILLED.search(error) else ProgramError
-            raise kind(f'It fails: {error}{_CALLED * is_called}{_NOT_ITS_OWN * is_copied}')
+            raise ProgramError(
+                f'It fails: {error}{_CALLED * is_called}{_NOT_ITS_OWN * is_copied}')
         if code is not None:
             seconds = time.monotonic() - self._start
             cause = ': does it call rclpy.spin?' if code == 0 else ''
             last = text.strip().splitlines()[-1:]
             more = f'; its last line: {abbreviated(visible(last[0]))}' if last else ''
-            raise EndedError(f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}'
-                             f'{cause}{more}{"" if cause or more else "."}')
+            raise ProgramError(f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}'
+                               f'{cause}{more}{"" if cause or more else "."}')
 
     def end(self) -> None:
         """End the program by SIGINT, with which it can leave the ROS graph, if it does so soon."""

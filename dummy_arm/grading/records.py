@@ -88,7 +88,6 @@ class Grade(NamedTuple):
     reason: str  #: why it did not pass; '' if it passed
     verdict: str  #: OK, NOT_OK, NOT_JUDGED or NOT_RUN
     drawing: str = ''  #: the result for the frames.pdf beside it; '' if there is none
-    may_be_killed: bool = False  #: True if a signal of another program may have ended it
 
     @property
     def line(self) -> str:

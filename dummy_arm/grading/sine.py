@@ -60,7 +60,7 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     step, used = pi / (4 * t[-1]), slice(0, count, -(-count // _MOST_SAMPLES))
     fastest = min(FASTEST, 0.9 * pi * (count - 1) / t[-1])
     speed = _best(t[used], angles[used], np.arange(step, fastest, step))
-    speed = _improved(t, angles, speed, step, fastest)
+    speed = _improved(t[used], angles[used], speed, step, fastest)
     (_, a, b), residual = fit(_columns(t, speed), angles)
     amplitude = max(hypot(a, b), 1e-12)
     return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,

@@ -17,7 +17,7 @@ import warnings
 from dummy_arm.grading import processes
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import observe
-from dummy_arm.grading.program import EndedError, Program, program_in, ProgramError
+from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
 from puretf.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
@@ -53,9 +53,9 @@ def supervise(connection: Connection, file: str, seconds: float, domain: int) ->
             program = Program(path, domain, directory)
             grade = _Supervisor(connection, program, file, seconds).run(domain)
         except CommandError as error:
-            grade = Grade(file, None, str(error), Verdict.NOT_OK if isinstance(
-                error, ProgramError) else Verdict.NOT_JUDGED,
-                may_be_killed=isinstance(error, EndedError))
+            is_wrong = isinstance(error, ProgramError)
+            grade = Grade(file, None, str(error),
+                          Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
     with suppress(OSError):  # the command has ended
         connection.send(grade._replace(drawing=_drawing(Path(file), path.parent)))
 

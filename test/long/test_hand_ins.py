@@ -46,11 +46,8 @@ def test_hand_ins_on_a_busy_machine(start, tmp_path, orphans):
     folders = {name.removesuffix('.py'): hand_in for name, hand_in in {
         'model_first.py': MODEL_ANSWER, **hand_ins, 'model_last.py': MODEL_ANSWER}.items()}
     for name, hand_in in folders.items():
-        if name.endswith('.zip'):
-            hand_in.write(tmp_path / name)
-        else:
-            (tmp_path / name).mkdir()
-            hand_in.write(tmp_path / name / 'dummy_arm.py')
+        (tmp_path / name).mkdir()
+        hand_in.write(tmp_path / name / 'dummy_arm.py')
     for _ in range(2):  # cores
         start('-c', BUSY).line_with('busy')
     process = start(*tool('check_arm', '--csv', 'grades.csv', '--jobs', '4', *folders),

@@ -12,7 +12,7 @@ SELECTED = (
     'only_main.py', 'half_step.py', 'full_angle.py', 'dropped.py', 'int.py', 'called.py',
     'another_type.py', 'no_spin.py', 'domain_in_init.py', 'missing.py', 'crash.py',
     'fails_often.py', 'survivors.py', 'endless_line.py', '=1+1.py', 'imports_package.py',
-    'pkill.py', 'kills_parent.py', 'input.py', 'deletes_its_folder.py')
+    'pkill.py', 'pkill_python.py', 'kills_parent.py', 'input.py', 'deletes_its_folder.py')
 
 
 def test_programs(start, tmp_path):

@@ -132,10 +132,9 @@ CHAOS = {
     'pkill.py': HandIn(limited("""
         pkill('dummy_arm.py')
         """) + program(), 'ok', ''),
-    # It also ends the programs that run at the same time, and itself.
     'pkill_python.py': HandIn(limited("""
         pkill('python')
-        """) + program(), 'not ok', 'by signal 15|exit code 0'),
+        """) + program(), 'ok', ''),
     'kills_parent.py': HandIn(limited("""
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(90)
