@@ -13,6 +13,7 @@ from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.records import DOMAINS, Grade, Message, MOST, Report, START, Verdict
 from dummy_arm.grading.requirements import check
+from dummy_arm.grading.samples import Arm
 from puretf import TransformException, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
@@ -84,7 +85,7 @@ def _cell(text: str) -> str:
 
 
 def _titles() -> list[str]:
-    return [*_row(Grade('', check([]), '', ''))]
+    return [*_row(Grade('', check(Arm([])), '', ''))]
 
 
 def _write_table(path: str, rows: Iterable[dict[str, str]]) -> None:
@@ -185,7 +186,7 @@ def _check_bag(option: BagOption) -> Report:
                 raise CommandError(f'{bag.path} has more than {MOST} transforms: record an arm '
                                    'for a minute only')
     # The files of a bag, and those that are cut off, may be in another order.
-    return check(sorted(found, key=lambda message: message.time))
+    return check(Arm(sorted(found, key=lambda message: message.time)))
 
 
 def format_report(report: Report) -> list[str]:

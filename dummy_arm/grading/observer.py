@@ -4,7 +4,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
 import time
-from typing import Optional, TYPE_CHECKING
+from typing import TYPE_CHECKING
 import warnings
 
 from dummy_arm.grading.processes import end_with_parent, pid_of_publisher
@@ -68,15 +68,16 @@ class Observer:
         finally:
             listener.unregister()
 
-    def report(self, int_line: Optional[int] = None) -> Report:
+    def report(self, int_line: int = 0) -> Report:
         """Judge the messages; before that, start a late listener."""
         from dummy_arm.grading.requirements import check
+        from dummy_arm.grading.samples import Arm
         self.poll()
         end = time.time_ns()
         has_base = any(row.child_frame_id.removeprefix('/') == BASE.name
                        for message in self.messages if message.is_static for row in message.rows)
         reaches = has_base and self._reaches_late_joiners()
-        return check(self.messages, reaches, end, self.publishers(), int_line)
+        return check(Arm(self.messages, reaches, end, self.publishers(), int_line))
 
 
 def observe(connection: Connection, seconds: float, domain: int, int_line: int) -> None:
@@ -89,7 +90,7 @@ def observe(connection: Connection, seconds: float, domain: int, int_line: int) 
         blame.
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
-    :param int_line: as of `check`.
+    :param int_line: as of `Arm`.
     """
     from puretf_tools.cli.node import spinning_node
     warnings.simplefilter('ignore')  # of numbers that are too large

@@ -5,17 +5,17 @@ The check needs no ROS: its input is a list of received or recorded messages. A 
 judged by a pure function of the transforms, and of the results of the requirements that it needs.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import degrees, log, pi, radians
 from operator import itemgetter
-from typing import Any, NamedTuple, Optional
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dummy_arm.grading import causes
 from dummy_arm.grading.causes import DIFFERENT, Fault, in_degrees, is_near, metres, SPEED_FACTOR
-from dummy_arm.grading.records import Line, Message, Publisher, Report, Verdict
+from dummy_arm.grading.records import Line, Report, Verdict
 from dummy_arm.grading.samples import Arm, largest_angle
 from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, HAND, JOINTS, Vector
 from dummy_arm.grading.sine import FEWEST, fit_sine, Floats, Sine
@@ -72,21 +72,8 @@ class Requirement(NamedTuple):
     edge: Edge = Edge('', '', (0.0, 0.0, 0.0))  #: whose frame is judged; else the whole arm
 
 
-def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None,
-          end: Optional[int] = None, publishers: Sequence[Publisher] = (),
-          int_line: Optional[int] = None) -> Report:
-    """
-    Check whether the transforms of an arm meet the requirements.
-
-    :param messages: the messages of /tf and /tf_static, in the order of their times.
-    :param reaches_late_joiners: whether a listener that started later than the arm has received
-        base_link; None: not known, which does not count as a failure.
-    :param end: the end of the observation (ns); None: the time of the last message on /tf.
-    :param publishers: the publishers on /tf and /tf_static, also those that are gone; those of
-        the oldest process first; empty: not known.
-    :param int_line: a line of the program in which a number is an int; 0: none; None: not known.
-    """
-    arm = Arm(messages, reaches_late_joiners, end, publishers, int_line)
+def check(arm: Arm) -> Report:
+    """Check whether the transforms of an arm meet the requirements."""
     results: dict[str, Result] = {}
     lines: dict[str, Line] = {}
     for each in (*REQUIREMENTS, *PRACTICES):
@@ -105,7 +92,7 @@ def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = No
         lines[each.text] = Line(each.text, result.measured, verdict, result.cause, follows)
     found = [lines[each.text] for each in REQUIREMENTS]
     passed = all(line.verdict == Verdict.OK for line in found
-                 if reaches_late_joiners is not None or line.requirement != _LATE)
+                 if arm.reaches_late_joiners is not None or line.requirement != _LATE)
     return Report(found, [_advice(lines[each.text]) for each in PRACTICES], passed)
 
 

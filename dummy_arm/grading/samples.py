@@ -23,7 +23,8 @@ class Samples:
     """The transforms of one frame, each with its message, in the order of their arrival."""
 
     def __init__(self, rows: list[tuple[Message, Any]]) -> None:
-        self.parents = [*{_name(row.frame_id): None for _, row in rows}]  # as they appear
+        # As they appear.
+        self.parents = [*{row.frame_id.removeprefix('/'): None for _, row in rows}]
         self.is_static = np.array([message.is_static for message, _ in rows])
         self.poses = np.array([row.pose for _, row in rows], float)
         self.positions = self.poses[:, :3]  # (m)
@@ -77,11 +78,22 @@ class Samples:
 
 
 class Arm:
-    """The transforms of an arm, and who sends them; the arguments are those of `check`."""
+    """The transforms of an arm, and who sends them."""
 
-    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool],
-                 end: Optional[int], publishers: Sequence[Publisher], int_line: Optional[int]
-                 ) -> None:
+    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None,
+                 end: Optional[int] = None, publishers: Sequence[Publisher] = (),
+                 int_line: int = 0) -> None:
+        """
+        Sort messages by frame.
+
+        :param messages: the messages of /tf and /tf_static, in the order of their times.
+        :param reaches_late_joiners: whether a listener that started later than the arm has
+            received base_link; None: not known, which does not count as a failure.
+        :param end: the end of the observation (ns); None: the time of the last message on /tf.
+        :param publishers: the publishers on /tf and /tf_static, also those that are gone; those of
+            the oldest process first; empty: not known.
+        :param int_line: a line of the program in which a number is an int; 0: none is known.
+        """
         self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
         self.int_line = int_line
         rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
@@ -89,7 +101,7 @@ class Arm:
         self.repeated = ''
         for message in messages:
             for row in message.rows:
-                name = _name(row.child_frame_id)
+                name = row.child_frame_id.removeprefix('/')
                 if rows[name] and rows[name][-1][0] is message:
                     self.repeated = name
                 rows[name].append((message, row))
@@ -120,10 +132,6 @@ class Arm:
             groups[is_static, nodes.get(gid)][gid] = frames
         return next(((len(found), node is not None) for (_, node), publishers in groups.items()
                      if (found := recreated(publishers))), (0, False))
-
-
-def _name(name: str) -> str:
-    return name.removeprefix('/')
 
 
 def largest_angle(vectors: Floats) -> float:

@@ -18,7 +18,7 @@ from dummy_arm.grading import processes
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import observe
 from dummy_arm.grading.program import Program, program_in, ProgramError
-from dummy_arm.grading.records import Grade, START, Verdict
+from dummy_arm.grading.records import Grade, Report, START, Verdict
 from puretf.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
 
@@ -51,7 +51,10 @@ def supervise(connection: Connection, file: str, seconds: float, domain: int) ->
         try:
             path = program_in(path)
             program = Program(path, domain, directory)
-            grade = _Supervisor(connection, program, file, seconds).run(domain)
+            report, fault = _Supervisor(connection, program, seconds).run(domain)
+            line = report.first_failure
+            grade = Grade(file, report, fault or report.reason, Verdict.NOT_OK if fault else
+                          line.verdict if line else Verdict.OK)
         except CommandError as error:
             is_wrong = isinstance(error, ProgramError)
             grade = Grade(file, None, str(error),
@@ -73,16 +76,15 @@ def _drawing(*folders: Path) -> str:
 
 
 class _Supervisor:
-    def __init__(self, connection: Connection, program: Program, file: str, seconds: float
-                 ) -> None:
-        self._connection, self._program, self._file = connection, program, file
-        self._seconds = seconds
+    def __init__(self, connection: Connection, program: Program, seconds: float) -> None:
+        self._connection, self._program, self._seconds = connection, program, seconds
         self._deadline = time.monotonic() + longest(seconds)
         self._next_scan = 0.0
         #: The number of all processes of the machine at the beginning.
         self._usual = _count()
 
-    def run(self, domain: int) -> Grade:
+    def run(self, domain: int) -> tuple[Report, str]:
+        """Return the report of the program, and what is wrong with its publishers."""
         self._observer = processes.Worker(observe, self._seconds, domain, self._program.int_line)
         try:
             self._answer()
@@ -90,11 +92,7 @@ class _Supervisor:
             self._observer.send('begin')
             report, fault, has_publishers = self._answer()
             self._program.check()
-            if not has_publishers:
-                fault = self._elsewhere(domain) or fault
-            line = report.first_failure
-            return Grade(self._file, report, fault or report.reason, Verdict.NOT_OK if fault else
-                         line.verdict if line else Verdict.OK)
+            return report, (not has_publishers and self._elsewhere(domain)) or fault
         finally:
             self._program.end()
             self._observer.end()

@@ -11,8 +11,8 @@ import pytest
 
 from dummy_arm import arm as own_arm
 from dummy_arm.check_arm import format_report
+from dummy_arm.grading import requirements, samples
 from dummy_arm.grading.records import Line, Message, Publisher, Verdict
-from dummy_arm.grading.requirements import check
 from dummy_arm.grading.sheet import EDGES, FRAMES, JOINTS
 from dummy_arm.grading.sine import fit_sine
 
@@ -21,6 +21,11 @@ def received(arm, seconds=25.0):
     """Return the messages of an arm as they are received, in the time of the arm."""
     return [Message(time, topic == '/tf_static', 'one', rows)
             for topic, time, rows in arm.messages(seconds)]
+
+
+def check(*arguments, **keywords):
+    """Return the report of an arm, of which these are the messages and so on."""
+    return requirements.check(samples.Arm(*arguments, **keywords))
 
 
 def failures(report):
