@@ -1,6 +1,6 @@
 """Arms for tests: what a right program sends, where its hand is, and small mistakes."""
 
-from math import asin, cos, pi, radians, sin
+from math import asin, cos, degrees, pi, radians, sin
 from random import Random
 
 import numpy as np
@@ -36,6 +36,7 @@ class Arm:
     positions = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.4, 0.0, 0.0), (0.3, 0.0, 0.0),
                  (0.2, 0.0, 0.0))
     topics = ('/tf_static', '/tf', '/tf', '/tf', '/tf')
+    angle_of_hand = staticmethod(lambda t: 0.0)
     tick = 0
 
     def angle(self, joint, t):
@@ -69,7 +70,7 @@ class Arm:
     def row(self, edge, now):
         """Return the transform of an edge at the time now (ns)."""
         t = self.t(now)
-        angle = self.angle(edge, t) if 1 <= edge <= 3 else 0.0
+        angle = self.angle(edge, t) if 1 <= edge <= 3 else self.angle_of_hand(t) * (edge == 4)
         return Row(self.stamp(edge, now), self.parent(edge), self.names[edge + 1],
                    (*self.position(edge, t), *self.rotation(edge, angle)))
 
@@ -162,117 +163,97 @@ def _named(index, name):
     return (*Arm.names[:index], name, *Arm.names[index + 1:])
 
 
-#: By name: the arm, the beginning of the requirement that it breaks, and a part of the cause.
+#: By the beginning of the requirement that it breaks, and by a part of the cause: a wrong arm.
 WRONG = {
-    'nothing': (changed(messages=lambda self, seconds=25: iter(())), 'all transforms', 'Nothing'),
-    'nan': (changed(positions=_at(2, (float('nan'), 0.0, 0.0))), 'all transforms', 'finite'),
-    'w is 0': (changed(rotation=_edge(4, lambda _: (0.0, 0.0, 0.0, 0.0))), 'all transforms',
-               'w is 1'),
-    'half an angle': (changed(rotation=_edge(3, lambda a: (0.0, 0.0, sin(a), cos(a / 2)))),
-                      'all transforms', 'same angle'),
-    'misspelt': (changed(names=_named(2, 'joint1')), 'the tree', "'joint1' is misspelt"),
-    'other root': (changed(names=_named(0, 'world')), 'the tree', 'must be map, not world'),
-    'no base_link': (changed(topics=('', '/tf', '/tf', '/tf', '/tf')), 'the tree',
-                     'StaticTransformBroadcaster'),
-    'other names': (changed(names=('map', 'base', *Arm.names[2:])), 'the tree',
-                    'other frames: base.'),
-    'no end_effector': (changed(topics=(*Arm.topics[:4], '')), 'the tree',
-                        'No transform of end_effector'),
-    'star': (changed(parent=lambda self, edge: self.names[min(edge, 1)]), 'the tree', 'is a star'),
-    'wrong parent': (changed(parent=lambda self, edge: self.names[2 if edge == 3 else edge]),
-                     'the tree', 'The parent of joint_3 must be joint_2, not joint_1'),
-    'same object': (each(lambda topic, time, rows: [(topic, time, [rows[-1]] * len(rows))]),
-                    'the tree', 'end_effector is in one message more than once'),
-    'exchanged': (changed(row=lambda self, edge, now: Row(
-        now, self.names[edge + 1], self.names[edge], (0.0,) * 6 + (1.0,))),
-                  'the tree', 'exchanged'),
-    'one stamp 0': (changed(stamp=lambda self, edge, now: 0 if edge == 3 else now), 'the stamps',
-                    'The stamp of joint_3 is not set'),
-    'one stamp': (changed(stamp=lambda self, edge, now: BEGIN), 'the stamps', 'only once'),
-    'old stamp': (changed(stamp=lambda self, edge, now: now - 2 * S), 'the stamps',
-                  'not the current'),
-    'whole seconds': (changed(stamp=lambda self, edge, now: round(now, -9)), 'the stamps',
-                      'has no nanoseconds'),
-    'base on /tf': (changed(topics=('/tf',) * 5), 'base_link is on /tf_static',
-                    'use StaticTransformBroadcaster'),
-    'base is high': (changed(positions=_at(0, (0.0, 0.0, 0.3))), 'base_link is fixed',
-                     '(0, 0, 0)'),
-    'base is rotated': (changed(rotation=_edge(0, lambda _: (0.0, 0.0, sin(0.5), cos(0.5)))),
-                        'base_link is fixed', 'must not be rotated'),
-    'offsets at the wrong joints': (
-        changed(positions=(*Arm.positions[:2], Arm.positions[3], Arm.positions[2],
-                           Arm.positions[4])),
-        'joint_2 is 0.4 m along x', 'This is the position of joint_3'),
-    'x instead of z': (changed(positions=_at(1, (0.3, 0.0, 0.0))), 'joint_1 is 0.3 m along z',
-                       'not the direction'),
-    'centimetres': (changed(positions=_at(2, (40.0, 0.0, 0.0))), 'joint_2 is 0.4 m',
-                    'centimetres'),
-    'from the base': (changed(positions=_at(3, (0.7, 0.0, 0.3))), 'joint_3 is 0.3 m',
-                      'position in base_link'),
-    'no offset': (changed(positions=_at(4, (0.0, 0.0, 0.0))), 'end_effector is 0.2 m', 'not set'),
-    'turned by hand': (changed(position=lambda self, edge, t: (
-        (0.4 * cos(0.1 * t), 0.4 * sin(0.1 * t), 0.0) if edge == 2 else self.positions[edge])),
-        'joint_2 is 0.4 m', 'changes'),
-    'about x': (changed(rotation=_edge(1, lambda a: (sin(a / 2), 0.0, 0.0, cos(a / 2)))),
-                'joint_1 turns about z', 'turns about x'),
-    'slightly tilted': (changed(rotation=_edge(3, lambda a: (
-        0.00095, 0.0, sin(a / 2), (1 - 0.00095 ** 2 - sin(a / 2) ** 2) ** 0.5))),
-        'joint_3 turns about z', 'x and y of its quaternion are 0'),
-    'w first': (changed(rotation=_edge(2, lambda a: (cos(a / 2), 0.0, 0.0, sin(a / 2)))),
-                'joint_2 turns about z', 'w is the last number; transforms3d has it first'),
-    'hand with w first': (changed(rotation=_edge(4, lambda _: (1.0, 0.0, 0.0, 0.0))),
-                          'end_effector does not', 'w is the last number; transforms3d has it'),
-    'static joint': (changed(topics=('/tf_static', '/tf', '/tf_static', '/tf', '/tf')),
-                     'joint_2 moves', 'joint_2 is sent with StaticTransformBroadcaster: send the '
-                     'joints with TransformBroadcaster in a timer'),
-    'no timer': (changed(topics=('/tf_static', *[''] * 4)), 'the tree', 'Is the timer created'),
-    'timer of 7 s': (_with_period(7), 'joint_1 moves', 'joint_1 is sent every 7 s'),
-    'no motion': (changed(angle=_joint(3, lambda self, joint, t: 0.5)), 'joint_3 moves',
-                  'does not change'),
-    'radians twice': (changed(limits=(45.0, radians(30.0), 60.0)), 'joint_2 moves', 'twice'),
-    'degrees': (changed(angle=lambda self, joint, t: self.limits[joint - 1] * sin(
-        self.speeds[joint - 1] * t)), 'joint_1 stays', 'degrees'),
-    'full angle': (changed(rotation=lambda self, edge, angle: (0.0, 0.0, sin(angle), cos(angle))),
-                   'joint_1 stays', 'half angle'),
-    'a little too far': (changed(limits=(45.0, 33.0, 60.0)), 'joint_2 stays', 'exceeded by 3.0°'),
-    'limits of joint_2 and joint_3 exchanged': (
-        changed(limits=(45.0, 60.0, 30.0)), 'joint_2 stays', 'limit of joint_3'),
-    'rounded limit': (changed(limits=(45.3, 30.0, 60.0)), 'joint_1 stays', 'rounded'),
-    'triangle of joint_1': (changed(angle=_joint(1, _triangle)), 'joint_1 moves as a sine',
-                            'triangle'),
-    'triangle with a fixed step': (changed(**FIXED_STEP, angle=_joint(2, _triangle)),
-                                   'joint_2 moves as a sine', 'triangle'),
-    'clipped': (changed(angle=_joint(3, _clipped)), 'joint_3 moves as a sine', 'clipped'),
-    'sawtooth': (changed(angle=_joint(1, _bounded)), 'joint_1 moves as a sine', 'jumps'),
-    'two sines': (changed(angle=_joint(
-        1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))), 'joint_1 moves as a sine',
-        'not a sine'),
-    'time in ns': (_in_unit(1e-9), 'joint_1 moves as a sine', 'is t in seconds?'),
-    'time in ms': (_in_unit(1e-3), 'joint_2 moves as a sine', 'is t in seconds?'),
-    # At 10 Hz, steps of 30, 50 and 70 rad look like steps of -1.42, -0.27 and 0.88 rad.
-    'time in ms, rarely': (changed(hertz=10, t=lambda self, now: (now - BEGIN) * 1e-6),
-                           'the joints have', 'is t in seconds?'),
-    'time in minutes': (_in_unit(60.0), 'the joints have', 'is t in seconds?'),
-    'time in thousands of seconds': (_in_unit(1e3), 'joint_1 moves', 'is t in seconds?'),
-    'two equal speeds': (changed(speeds=(0.3, 0.7, 0.7)), 'the joints have',
-                         'joint_2 and joint_3 have the same'),
-    'order of speeds': (changed(speeds=(0.7, 0.5, 0.3)), 'the joints have', 'The order'),
-    'speeds in degrees': (changed(speeds=(radians(0.3), radians(0.5), radians(0.7))),
-                          'the joints have', 'do not convert'),
-    'hand is sent once': (each(lambda topic, time, rows: [
-        (topic, time, rows[:-1] if time > BEGIN + S // 100 else rows)]),
-        'end_effector does not', 'was sent only once'),
-    'map has a parent': (_with_static('world', 'map', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
-                         'the tree', 'map is the root'),
-    'too fast': (changed(speeds=(25.0, 30.0, 35.0), hertz=50), 'joint_1 moves as a sine',
-                 'too fast to see a wave: is t in seconds?'),
-    'on both topics': (each(lambda topic, time, rows: [
-        (topic, time, rows), *[('/tf_static', time, rows)] * (time - BEGIN == S // 1000)]),
-        'the tree', 'on /tf and on /tf_static'),
-    'hand turns': (changed(row=lambda self, edge, now: Arm.row(self, edge, now)
-        if edge < 4 else Arm.row(self, edge, now)._replace(pose=(
-            0.2, 0.0, 0.0, *Arm.rotation(self, edge, sin(now / S))))), 'end_effector does not',
-        'must not rotate'),
+    'all transforms': {
+        'Nothing': changed(messages=lambda self, seconds=25: iter(())),
+        'finite': changed(positions=_at(2, (float('nan'), 0.0, 0.0))),
+        'w is 1': changed(rotation=_edge(4, lambda _: (0.0, 0.0, 0.0, 0.0))),
+        'same angle': changed(rotation=_edge(3, lambda a: (0.0, 0.0, sin(a), cos(a / 2))))},
+    'the tree': {
+        "'joint1' is misspelt": changed(names=_named(2, 'joint1')),
+        'must be map, not world': changed(names=_named(0, 'world')),
+        'StaticTransformBroadcaster': changed(topics=('', '/tf', '/tf', '/tf', '/tf')),
+        'other frames: base.': changed(names=('map', 'base', *Arm.names[2:])),
+        'No transform of end_effector': changed(topics=(*Arm.topics[:4], '')),
+        'is a star': changed(parent=lambda self, edge: self.names[min(edge, 1)]),
+        'The parent of joint_3 must be joint_2, not joint_1': changed(
+            parent=lambda self, edge: self.names[2 if edge == 3 else edge]),
+        'end_effector is in one message more than once': each(
+            lambda topic, time, rows: [(topic, time, [rows[-1]] * len(rows))]),
+        'exchanged': changed(row=lambda self, edge, now: Row(
+            now, self.names[edge + 1], self.names[edge], (0.0,) * 6 + (1.0,))),
+        'Is the timer created': changed(topics=('/tf_static', *[''] * 4)),
+        'map is the root': _with_static('world', 'map', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
+        'on /tf and on /tf_static': each(lambda topic, time, rows: [
+            (topic, time, rows), *[('/tf_static', time, rows)] * (time - BEGIN == S // 1000)])},
+    'the stamps': {
+        'The stamp of joint_3 is not set': changed(
+            stamp=lambda self, edge, now: 0 if edge == 3 else now),
+        'only once': changed(stamp=lambda self, edge, now: BEGIN),
+        'not the current': changed(stamp=lambda self, edge, now: now - 2 * S),
+        'has no nanoseconds': changed(stamp=lambda self, edge, now: round(now, -9))},
+    'base_link is on /tf_static': {'use StaticTransformBroadcaster': changed(topics=('/tf',) * 5)},
+    'base_link is fixed': {
+        '(0, 0, 0)': changed(positions=_at(0, (0.0, 0.0, 0.3))),
+        'must not be rotated': changed(rotation=_edge(0, lambda _: (0.0, 0.0, 0.6, 0.8)))},
+    'joint_2 is 0.4 m along x': {
+        'This is the position of joint_3': changed(positions=_at(2, Arm.positions[3]))},
+    'joint_1 is 0.3 m along z': {'not the direction': changed(positions=_at(1, (0.3, 0.0, 0.0)))},
+    'joint_2 is 0.4 m': {
+        'centimetres': changed(positions=_at(2, (40.0, 0.0, 0.0))),
+        'changes': changed(position=lambda self, edge, t: (
+            (0.4 * cos(t), 0.4 * sin(t), 0.0) if edge == 2 else self.positions[edge]))},
+    'joint_3 is 0.3 m': {'position in base_link': changed(positions=_at(3, (0.7, 0.0, 0.3)))},
+    'end_effector is 0.2 m': {'not set': changed(positions=_at(4, (0.0, 0.0, 0.0)))},
+    'joint_1 turns about z': {
+        'turns about x': changed(rotation=_edge(1, lambda a: (sin(a / 2), 0.0, 0.0, cos(a / 2))))},
+    'joint_3 turns about z': {
+        'x and y of its quaternion are 0': changed(rotation=_edge(3, lambda a: (
+            0.00095, 0.0, sin(a / 2), (1 - 0.00095 ** 2 - sin(a / 2) ** 2) ** 0.5)))},
+    'joint_2 turns about z': {
+        'w is the last number; transforms3d has it first': changed(
+            rotation=_edge(2, lambda a: (cos(a / 2), 0.0, 0.0, sin(a / 2))))},
+    'end_effector does not': {
+        'w is the last number': changed(rotation=_edge(4, lambda _: (1.0, 0.0, 0.0, 0.0))),
+        'was sent only once': each(lambda topic, time, rows: [
+            (topic, time, rows[:-1] if time > BEGIN + S // 100 else rows)]),
+        'must not rotate': changed(angle_of_hand=sin)},
+    'joint_2 moves': {
+        'joint_2 is sent with StaticTransformBroadcaster: send the joints with Tr': changed(
+            topics=('/tf_static', '/tf', '/tf_static', '/tf', '/tf')),
+        'twice': changed(limits=(45.0, radians(30.0), 60.0))},
+    'joint_1 moves': {
+        'joint_1 is sent every 7 s': _with_period(7),
+        'is t in seconds?': _in_unit(1e3)},
+    'joint_3 moves': {'does not change': changed(angle=_joint(3, lambda self, joint, t: 0.5))},
+    'joint_1 stays': {
+        'degrees': changed(angle=lambda *arguments: degrees(Arm.angle(*arguments))),
+        'half angle': changed(
+            rotation=lambda self, edge, angle: (0.0, 0.0, sin(angle), cos(angle))),
+        'rounded': changed(limits=(45.3, 30.0, 60.0))},
+    'joint_2 stays': {
+        'exceeded by 3.0°': changed(limits=(45.0, 33.0, 60.0)),
+        'limit of joint_3': changed(limits=(45.0, 60.0, 30.0))},
+    'joint_1 moves as a sine': {
+        'triangle': changed(angle=_joint(1, _triangle)),
+        'jumps': changed(angle=_joint(1, _bounded)),
+        'not a sine': changed(angle=_joint(
+            1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))),
+        'is t in seconds?': _in_unit(1e-9),
+        'too fast to see a wave: is t in seconds?': changed(speeds=(25.0, 30.0, 35.0), hertz=50)},
+    'joint_2 moves as a sine': {
+        'triangle': changed(**FIXED_STEP, angle=_joint(2, _triangle)),
+        'is t in seconds?': _in_unit(1e-3)},
+    'joint_3 moves as a sine': {'clipped': changed(angle=_joint(3, _clipped))},
+    'the joints have': {
+        # At 10 Hz, steps of 30, 50 and 70 rad look like steps of -1.42, -0.27 and 0.88 rad.
+        'much too fast: is t in seconds?': changed(
+            hertz=10, t=lambda self, now: (now - BEGIN) * 1e-6),
+        'much too slow: is t in seconds?': _in_unit(60.0),
+        'joint_2 and joint_3 have the same': changed(speeds=(0.3, 0.7, 0.7)),
+        'The order': changed(speeds=(0.7, 0.5, 0.3)),
+        'do not convert': changed(speeds=(radians(0.3), radians(0.5), radians(0.7)))},
 }
 
 #: By name: arms that meet all requirements.

@@ -45,7 +45,7 @@ def test_a_bag_of_a_wrong_arm(tmp_path, failed):
     bags = pytest.importorskip('bags')
     path = bags.make(tmp_path, 'mcap', (
         ('/robot' + topic, time, rows)
-        for topic, time, rows in WRONG['a little too far'][0].messages()))
+        for topic, time, rows in WRONG['joint_2 stays']['exceeded by 3.0°'].messages()))
     done = subprocess.run(
         [sys.executable, *tool_without_ros(
             'check_arm', '--bag', str(path), '--namespace', 'robot')],

@@ -62,11 +62,11 @@ def test_a_right_arm_passes(name):
     assert report.first_failure is None
 
 
-@pytest.mark.parametrize('name', WRONG)
-def test_a_wrong_arm_fails_where_it_is_wrong(name):
+@pytest.mark.parametrize(('requirement', 'cause'), [
+    (requirement, cause) for requirement, arms in WRONG.items() for cause in arms])
+def test_a_wrong_arm_fails_where_it_is_wrong(requirement, cause):
     """The first failure is the broken requirement; what cannot be judged has a reason."""
-    arm, requirement, cause = WRONG[name]
-    report = check(received(arm))
+    report = check(received(WRONG[requirement][cause]))
     assert not report.passed
     first = failures(report)[0]
     assert first == report.first_failure
@@ -83,7 +83,7 @@ def test_a_wrong_arm_fails_where_it_is_wrong(name):
 
 def test_what_cannot_be_judged_says_why():
     """After a misspelt frame, the lines of this frame and of its child are not judged."""
-    report = check(received(WRONG['misspelt'][0]))
+    report = check(received(WRONG['the tree']["'joint1' is misspelt"]))
     not_judged = {line.requirement: line.text for line in report.lines
                   if line.verdict == Verdict.NOT_JUDGED}
     assert not_judged.pop('base_link reaches a late listener')
@@ -154,7 +154,7 @@ def test_too_short_an_observation_does_not_pass():
 def test_less_than_a_period_is_enough():
     """If a busy machine takes 8 of 25 s, the rest shows a sine; a triangle does not pass."""
     assert check(received(Arm(), 17.0), True).passed
-    assert not check(received(WRONG['triangle of joint_1'][0], 17.0), True).passed
+    assert not check(received(WRONG['joint_1 moves as a sine']['triangle'], 17.0), True).passed
 
 
 @pytest.mark.parametrize('seconds', [2.5, 10.0])
