@@ -98,11 +98,3 @@ def test_an_arm_that_is_static(ros):
     assert any('nothing arrives on /tf' in line.text for line in report.lines)
     (late,) = (line for line in report.lines if 'late listener' in line.requirement)
     assert (late.verdict, late.measured) == (Verdict.OK, 'received')
-
-
-def test_a_table_that_cannot_be_written(failed, tmp_path):
-    """No program is run, since its row could not be written."""
-    table = tmp_path / 'missing' / 'grades.csv'
-    code, error = failed(main, 'a.py', '--csv', str(table))
-    assert code == 1
-    assert error == f'check_arm: cannot write {table}: No such file or directory\n'

@@ -172,6 +172,7 @@ WRONG = {
         'same angle': changed(rotation=_edge(3, lambda a: (0.0, 0.0, sin(a), cos(a / 2))))},
     'the tree': {
         "'joint1' is misspelt": changed(names=_named(2, 'joint1')),
+        r'other frames: end_effector\x1b[2J.': changed(names=_named(5, 'end_effector\x1b[2J')),
         'must be map, not world': changed(names=_named(0, 'world')),
         'StaticTransformBroadcaster': changed(topics=('', '/tf', '/tf', '/tf', '/tf')),
         'other frames: base.': changed(names=('map', 'base', *Arm.names[2:])),

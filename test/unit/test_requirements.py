@@ -75,7 +75,8 @@ def test_a_wrong_arm_fails_where_it_is_wrong(requirement, cause):
     for line in report.lines:
         assert line.verdict in (Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED)
         assert bool(line.text) == (line.verdict != Verdict.OK)
-        assert re.fullmatch(r'|[^\n]+[.?)]', line.text)
+        assert re.fullmatch(r'|.+[.?)]', line.text)
+        assert all(text.isprintable() for text in line[:4])
     # What is broken once does not fail again elsewhere, unless it is wrong at several joints.
     kinds = {re.sub(r'joint_\d|[\d.]+', '', line.requirement) for line in failures(report)}
     assert len(kinds) == 1
@@ -151,22 +152,15 @@ def test_too_short_an_observation_does_not_pass():
     assert line_of(report, 'joint_2 moves as a sine').verdict == Verdict.OK
 
 
-def test_less_than_a_period_is_enough():
-    """If a busy machine takes 8 of 25 s, the rest shows a sine; a triangle does not pass."""
-    assert check(received(Arm(), 17.0), True).passed
-    assert not check(received(WRONG['joint_1 moves as a sine']['triangle'], 17.0), True).passed
-
-
-@pytest.mark.parametrize('seconds', [2.5, 10.0])
-def test_a_short_observation_is_no_slow_arm(seconds):
-    """Nothing fails because the observation is short."""
-    assert failures(check(received(Arm(), seconds), True)) == []
-
-
-def test_a_long_observation():
-    """The speeds are found in a quarter of an hour of messages, too."""
-    speeds = RIGHT['second reading of the speeds'].speeds
-    assert check(received(changed(speeds=speeds, hertz=5), 900.0), True).passed
+@pytest.mark.parametrize(('seconds', 'hertz', 'passes'), [
+    (2.5, 20, False), (10.0, 20, False), (17.0, 20, True), (900.0, 5, True)])
+def test_how_long_an_arm_is_observed(seconds, hertz, passes):
+    """Nothing fails because it is short; 17 s are enough, as a busy machine takes 8 of 25 s."""
+    report = check(received(changed(hertz=hertz), seconds), True)
+    assert report.passed == passes
+    assert failures(report) == []
+    triangle = WRONG['joint_1 moves as a sine']['triangle']
+    assert not check(received(triangle, min(seconds, 25.0)), True).passed
 
 
 def test_an_arm_that_stops():
@@ -262,11 +256,8 @@ def test_a_broadcaster_for_each_frame():
 
 def test_nothing_on_tf_but_static_joints():
     """The static joints are the cause, also if the tree is not complete."""
-    failure = first_failure(check(received(changed(topics=(*('/tf_static',) * 4, '')))))
-    assert (failure.requirement, failure.text) == (
-        'the tree',
-        'joint_1, joint_2, joint_3 are sent with StaticTransformBroadcaster: send the joints with '
-        'TransformBroadcaster in a timer.')
+    report = check(received(changed(topics=(*('/tf_static',) * 4, ''))))
+    assert report.reason.startswith('the tree (no end_effector). joint_1, joint_2, joint_3 are se')
 
 
 @pytest.mark.parametrize(('arm', 'practice', 'text'), [
@@ -284,15 +275,6 @@ def test_good_practice(arm, practice, text):
         line_of(report, practice).requirement]
     assert text in line_of(report, practice).text
     assert line_of(report_of_the_model(), practice).verdict == Verdict.OK
-
-
-def test_names_of_others_cannot_harm_the_terminal():
-    """Escape sequences in the names of frames are escaped."""
-    arm = changed(names=(*Arm.names[:5], 'end_effector\x1b[2J'))
-    report = check(received(arm))
-    texts = [text for line in [*report.lines, *report.advice] for text in line[:4]]
-    assert all(text.isprintable() for text in texts)
-    assert 'end_effector\\x1b[2J' in ' '.join(texts)
 
 
 @pytest.mark.parametrize(('step', 'seconds', 'requirement', 'text'), [
