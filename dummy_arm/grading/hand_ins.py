@@ -16,6 +16,7 @@ from dummy_arm.grading.records import DOMAINS, Grade, Verdict
 from dummy_arm.grading.supervisor import longest, supervise
 from puretf import shortened
 from puretf.domains import used_domains
+from puretf_tools.cli.parser import CommandError
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
 #: How long to wait for a signal before the next look at the processes (s).
@@ -111,11 +112,12 @@ class _Run(processes.Worker):
 
     def grade(self) -> Grade:
         """Return the grade, and end the process."""
-        answer = None
-        with suppress(EOFError):
-            if self.connection.poll():
-                answer = self.answer()
-        how = self.end()
+        try:
+            if not self.connection.poll():
+                self.kill()
+            grade: Grade = self.answer('runs')
+        except CommandError as error:
+            grade = Grade(self.file, None, str(error), Verdict.NOT_JUDGED)
+        self.end()
         self._reservation[1].close()
-        return answer or Grade(self.file, None, f'The process that runs it ended {how}.',
-                               Verdict.NOT_JUDGED)
+        return grade

@@ -22,7 +22,7 @@ except ImportError:
                        ) from None
 
 #: prctl(2)
-_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+_PR_SET_CHILD_SUBREAPER = 36
 #: How long to kill processes, until those that are left are given up, and one round of this (s).
 _LONGEST_END, _ROUND = 10.0, 0.1
 #: The program of a Worker.
@@ -63,14 +63,14 @@ class Worker(subprocess.Popen[bytes]):
         with suppress(OSError):  # it has ended, which `answer` will tell
             self.connection.send(message)
 
-    def answer(self) -> Any:
-        """Wait for what the function sends, and return it; EOFError: the process has ended."""
+    def answer(self, task: str) -> Any:
+        """Wait for what the function sends, and return it; CommandError: the process has ended."""
         try:
             return self.connection.recv()
         except (EOFError, OSError):
             with suppress(subprocess.TimeoutExpired):
                 self.wait(_LONGEST_END)
-            raise EOFError from None
+            raise CommandError(f'The process that {task} it ended {self.end()}.') from None
 
     def end(self) -> str:
         """Kill the process, unless it has ended; return how it has ended."""
@@ -87,11 +87,6 @@ def how_it_ended(code: int) -> str:
 def become_subreaper(is_subreaper: bool = True) -> None:
     """Become the parent of all descendants that lose theirs."""
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, is_subreaper, 0, 0, 0)
-
-
-def end_with_parent() -> None:
-    """Let the kernel end this process by SIGKILL when its parent has ended."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
 
 
 def end_descendants(spared: Collection[int] = ()) -> None:

@@ -102,11 +102,7 @@ class _Supervisor:
         """Wait for what the observer sends; raise it if it is an error."""
         while not self._observer.connection.poll():
             self._watch()
-        try:
-            answer = self._observer.answer()
-        except EOFError:
-            raise CommandError(f'The process that observes it ended {self._observer.end()}.'
-                               ) from None
+        answer = self._observer.answer('observes')
         if isinstance(answer, CommandError):
             raise answer
         return answer
