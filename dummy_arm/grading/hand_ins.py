@@ -8,6 +8,7 @@ import signal
 import socket
 from subprocess import TimeoutExpired
 import sys
+from tempfile import TemporaryDirectory
 import time
 from typing import Optional
 
@@ -30,11 +31,12 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
     """Yield what `dummy_arm.grading.grade` returns."""
     running: list[_Run] = []
     waiting, count = deque(files), 0
-    with _cleanup(running) as end_orphans:
+    with (TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True) as directory,
+          _cleanup(running) as end_orphans):
         while waiting or running:
             if waiting and len(running) < jobs and (reservation := _reserved_domain()):
                 with suppress(OSError):  # there are too many processes: try again
-                    running.append(_Run(waiting[0], seconds, reservation))
+                    running.append(_Run(waiting[0], seconds, directory, reservation))
                     waiting.popleft()
             _wait_for_signal()
             names = ', '.join(run.file for run in running)
@@ -101,9 +103,10 @@ def _wait_for_signal() -> None:
 class _Run(processes.Worker):
     """A process that runs a hand-in."""
 
-    def __init__(self, file: str, seconds: float, reservation: tuple[int, socket.socket]) -> None:
+    def __init__(self, file: str, seconds: float, directory: str,
+                 reservation: tuple[int, socket.socket]) -> None:
         self.file, self._reservation = file, reservation
-        super().__init__(supervise, file, seconds, reservation[0])
+        super().__init__(supervise, file, seconds, directory, reservation[0])
         self._deadline = time.monotonic() + longest(seconds) + _MARGIN
 
     def is_over(self) -> bool:

@@ -51,16 +51,14 @@ class Result(NamedTuple):
     """What was found about a requirement."""
 
     measured: str
-    cause: str = ''  #: '' if the requirement is met
+    cause: str = ''  #: why it is not met, or not judged; '' if it is met
     broken: Mapping[str, str] = {}  #: by frame: why what needs this requirement is not judged
     value: Any = None  #: for other requirements
+    is_judged: bool = True
 
 
-class NotJudged(Exception):
-    """Why a requirement cannot be judged, and what was found all the same."""
-
-    def __init__(self, why: str, measured: str = '', value: Any = None) -> None:
-        self.result = Result(measured, why, value=value)
+def _not_judged(why: str, measured: str = '', value: Any = None) -> Result:
+    return Result(measured, why, value=value, is_judged=False)
 
 
 class Requirement(NamedTuple):
@@ -79,13 +77,9 @@ def check(arm: Arm) -> Report:
     for each in (*REQUIREMENTS, *PRACTICES):
         needed = {text: results[text] for text in each.needs}
         why = _why_not(each.edge.name, needed)
-        try:
-            if why:
-                raise NotJudged(why)
-            result = each.judge(arm, each.edge, needed)
-            verdict = Verdict.NOT_OK if result.cause else Verdict.OK
-        except NotJudged as error:
-            result, verdict = error.result, Verdict.NOT_JUDGED
+        result = _not_judged(why) if why else each.judge(arm, each.edge, needed)
+        verdict = (Verdict.NOT_JUDGED if not result.is_judged else
+                   Verdict.NOT_OK if result.cause else Verdict.OK)
         follows = verdict == Verdict.NOT_JUDGED and bool(why or (not each.edge.name and any(
             lines[text].verdict == Verdict.NOT_OK or lines[text].follows for text in each.needs)))
         results[each.text] = result
@@ -143,8 +137,8 @@ def _stamps(arm: Arm, *_: Any) -> Result:
     """Judge the stamps of all transforms on /tf."""
     known = {name: samples for name, samples in arm.moving.items() if samples.times.all()}
     if not known:
-        raise NotJudged('The bag has no times.' if arm.moving else
-                        'No transform of the arm is on /tf.')
+        return _not_judged('The bag has no times.' if arm.moving else
+                           'No transform of the arm is on /tf.')
     faults = {name: fault for name, samples in known.items() if (
         fault := causes.fault_of_stamps(name, samples, _LARGEST_DELAY, _DELAYED))}
     largest = max(abs(float(np.median(samples.delays))) for samples in known.values())
@@ -177,9 +171,9 @@ def _base_at_origin(arm: Arm, *_: Any) -> Result:
 
 def _late_joiner(arm: Arm, *_: Any) -> Result:
     if arm.reaches_late_joiners is None:
-        raise NotJudged('This was not observed.')
+        return _not_judged('This was not observed.')
     if not arm.samples[BASE.name].is_static.any():
-        raise NotJudged('base_link is not on /tf_static.')
+        return _not_judged('base_link is not on /tf_static.')
     return Result('received') if arm.reaches_late_joiners else Result(
         'not received', 'A listener that starts now does not receive base_link: keep the node and '
         'its StaticTransformBroadcaster as long as the program runs.')
@@ -254,7 +248,7 @@ def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
     usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
     stamps = samples.stamps[usable]
     if len(stamps) < FEWEST or np.ptp(stamps) < SECOND:
-        raise NotJudged(causes.recreation(arm) or (
+        return _not_judged(causes.recreation(arm) or (
             f'{len(stamps)} transforms are too few to see a wave.' if samples.interval < 1.0
             else causes.of_interval(joint.name, samples.interval)))
     order = np.argsort(stamps, kind='stable')
@@ -269,7 +263,7 @@ def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
             sine = fixed._replace(has_fixed_step=True)
     found = sine if sine.is_exact else None
     if sine.periods < _SHORTEST_WAVE:
-        raise NotJudged(causes.of_short_time(joint, sine), f'{sine.periods:.2f} periods', found)
+        return _not_judged(causes.of_short_time(joint, sine), f'{sine.periods:.2f} periods', found)
     return Result(f'differs by {100 * sine.residual:.1f} % of the amplitude',
                   '' if found else causes.of_wave(joint, times, angles, sine), value=found)
 
@@ -281,7 +275,7 @@ def _speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
             return Result(f'{joint.name}: less than {sine.speed:.2g} rad/s',
                           causes.of_slow_joint(joint))
         if not sine or sine.periods < _SHORTEST_WAVE:
-            raise NotJudged(f'The speed of {joint.name} cannot be measured.')
+            return _not_judged(f'The speed of {joint.name} cannot be measured.')
     # The speed on the sheet can be that of the phase, or the largest one that a joint reaches.
     speeds, reading = [sine.speed for sine in sines], 'phase'
     largest = [sine.fastest for sine in sines]

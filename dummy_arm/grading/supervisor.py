@@ -35,18 +35,20 @@ def longest(seconds: float) -> float:
     return START + seconds + _MARGIN
 
 
-def supervise(connection: Connection, file: str, seconds: float, domain: int) -> None:
+def supervise(connection: Connection, file: str, seconds: float, directory: str, domain: int
+              ) -> None:
     """
     Run and judge a hand-in, and the frames.pdf beside it.
 
     :param connection: sends the Grade. If the other end is closed, this process ends.
     :param file: the path of the program, or of a folder in which it lies.
     :param seconds: how long to observe the arm (s).
+    :param directory: a directory for what the program writes.
     :param domain: the ROS domain of the program.
     """
     warnings.simplefilter('ignore')  # of the compiler about the program
     processes.become_subreaper()
-    with TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True) as directory:
+    with TemporaryDirectory(dir=directory, ignore_cleanup_errors=True) as directory:
         path = Path(file)
         try:
             path = program_in(path)
