@@ -185,8 +185,7 @@ def _check_bag(option: BagOption) -> Report:
             if count > MOST:
                 raise CommandError(f'{bag.path} has more than {MOST} transforms: record an arm '
                                    'for a minute only')
-    # The files of a bag, and those that are cut off, may be in another order.
-    return check(Arm(sorted(found, key=lambda message: message.time)))
+    return check(Arm(found))
 
 
 def format_report(report: Report) -> list[str]:
