@@ -201,9 +201,9 @@ def format_report(report: Report) -> list[str]:
         if i == len(shown):
             lines += ['', 'good practice (it does not change the result):']
         lines += [line, *(wrapped(row.text, '    ') if row.text and row.is_judged else [])]
-    counts = {verdict: sum(row.verdict == verdict for row in report.lines)
-              for verdict in (Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED)}
-    counted = ', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)
+    counts = Counter(row.verdict for row in report.lines)
+    counted = ', '.join(f'{counts[verdict]} {verdict}' for verdict in (
+        Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED) if counts[verdict])
     return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}']
 
 

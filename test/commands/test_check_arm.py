@@ -14,8 +14,6 @@ from ros_node import eventually, stamped
 from dummy_arm import check_arm
 from dummy_arm.check_arm import main
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.observer import Observer
-from dummy_arm.grading.records import Verdict
 from dummy_arm.grading.sheet import FRAMES
 from puretf import StaticTransformBroadcaster
 from puretf._ros import domains
@@ -86,15 +84,3 @@ def test_ctrl_c(arm_domain):
                   until=lambda text: 'observing the arm' in text)
     assert result.code == 1
     assert result.stderr.endswith('check_arm: interrupted: nothing was judged\r\n')
-
-
-def test_an_arm_that_is_static(ros):
-    """It is judged, and a late listener receives base_link."""
-    observer = Observer(ros.node)
-    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'base_link'))
-    ros.until(lambda: observer.poll() or observer.messages)
-    assert not observer.has_started
-    report = observer.report()
-    assert any('nothing arrives on /tf' in line.text for line in report.lines)
-    (late,) = (line for line in report.lines if 'late listener' in line.requirement)
-    assert (late.verdict, late.measured) == (Verdict.OK, 'received')
