@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 from math import degrees, pi, radians
-from typing import NamedTuple, Optional
+from typing import Optional
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,6 @@ _SMALLEST_FLOAT = 1e-300
 #: The largest number of frames that a cause lists.
 _SHOWN = 5
 
-NO_TRANSFORMS = 'There are no transforms.'
 WRONG_ORDER = ('Is the order x, y, z, w? In a message, w is the last number; transforms3d has it '
                'first.')
 USE_FLOATS = ('Write 0.0 and not 0, since all numbers in a message are floats: in the container, '
@@ -40,14 +39,8 @@ USE_FLOATS = ('Write 0.0 and not 0, since all numbers in a message are floats: i
 _HALF_ANGLE = 'In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).'
 _UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
 _NOW = 'write header.stamp = self.get_clock().now().to_msg()'
-
-
-class Fault(NamedTuple):
-    """What is wrong with a frame."""
-
-    measured: str
-    reason: str  #: why nothing else of the frame can be judged
-    cause: str
+#: What was measured, and the cause.
+Fault = tuple[str, str]
 
 
 # Transforms and tree
@@ -70,10 +63,9 @@ def static_joints(arm: Arm) -> str:
 
 
 def fault_of_numbers(name: str, poses: Floats, tolerance: float) -> Optional[Fault]:
-    reason = f'The transforms of {name} are not valid.'
     if not np.isfinite(poses).all():
-        return Fault('nan or inf', reason, f'{name} has a number that is not finite; tf2 ignores '
-                                           'such a transform.')
+        return 'nan or inf', (f'{name} has a number that is not finite; tf2 ignores such a '
+                              'transform.')
     norms = np.linalg.norm(poses[:, 3:], axis=1)
     if abs(norms ** 2 - 1).max() < tolerance:
         return None
@@ -85,7 +77,7 @@ def fault_of_numbers(name: str, poses: Floats, tolerance: float) -> Optional[Fau
     else:
         cause = (f'The quaternion of {name} does not have the norm 1: z and w are the sine and '
                  'the cosine of the same angle, half of the joint angle.')
-    return Fault(f'norm {norm:.2f}', reason, cause)
+    return f'norm {norm:.2f}', cause
 
 
 def has_ints(numbers: Floats) -> bool:
@@ -98,20 +90,18 @@ def fault_of_edge(arm: Arm, edge: Edge) -> Optional[Fault]:
     name, samples = edge.name, arm.samples.get(edge.name)
     reverse = arm.samples.get(edge.parent)
     if reverse and reverse.parents == [name]:
-        return Fault(f'{name} → {edge.parent}', f'The parent of {edge.parent} is {name}.',
-                     f'Parent and child are exchanged: {edge.parent} is the frame_id, and {name} '
-                     'is the child_frame_id.')
+        return f'{name} → {edge.parent}', (
+            f'Parent and child are exchanged: {edge.parent} is the frame_id, and {name} is the '
+            'child_frame_id.')
     if not samples:
         return _fault_of_missing(arm, edge)
     if samples.is_published_twice:
-        return Fault(f'{name} from {len(set(samples.publishers))} publishers',
-                     f'{name} has several publishers.',
-                     recreation(arm) or _two_programs(arm, name) or
-                     f'Two publishers send {name} at the same time: two programs, nodes or '
-                     'broadcasters. Only one may send it.')
+        return f'{name} from {len(set(samples.publishers))} publishers', (
+            recreation(arm) or _two_programs(arm, name) or f'Two publishers send {name} at the '
+            'same time: two programs, nodes or broadcasters. Only one may send it.')
     if edge is not BASE and samples.is_static.any() and not samples.is_static.all():
-        return Fault(f'{name} on /tf and /tf_static', f'{name} is on both topics.',
-                     f'{name} is sent on /tf and on /tf_static; only one of them is right.')
+        return f'{name} on /tf and /tf_static', (
+            f'{name} is sent on /tf and on /tf_static; only one of them is right.')
     if samples.parents == [edge.parent]:
         return None
     parents = comma_list([*map(shortened, samples.parents)], _SHOWN)
@@ -121,15 +111,13 @@ def fault_of_edge(arm: Arm, edge: Edge) -> Optional[Fault]:
         cause = f'{parents!r} is misspelt: the name is {edge.parent}.'
     else:
         cause = f'The parent of {name} must be {edge.parent}, not {parents}.'
-    return Fault(f'{parents} → {name}', f'The parent of {name} is not {edge.parent}.',
-                 _star(arm, samples) or cause)
+    return f'{parents} → {name}', _star(arm, samples) or cause
 
 
 def _fault_of_missing(arm: Arm, edge: Edge) -> Fault:
-    missing = f'There is no {edge.name}.'
     if near := _nearest(edge.name, [name for name in arm.samples if name not in FRAMES]):
         misspelt = repr(shortened(near))
-        return Fault(misspelt, missing, f'{misspelt} is misspelt: the name is {edge.name}.')
+        return misspelt, f'{misspelt} is misspelt: the name is {edge.name}.'
     received = f'No transform of {edge.name} was received'
     if not (cause := recreation(arm) or (static_joints(arm) if edge is not BASE else '')):
         if all(each.is_static.all() for each in arm.samples.values()):
@@ -146,7 +134,7 @@ def _fault_of_missing(arm: Arm, edge: Edge) -> Fault:
                      'listeners.')
         else:
             cause = f'{received}.'
-    return Fault(f'no {edge.name}', missing, cause)
+    return f'no {edge.name}', cause
 
 
 def _star(arm: Arm, samples: Samples) -> str:
@@ -195,8 +183,7 @@ def fault_of_stamps(name: str, samples: Samples, largest: float, delayed: float
         delay = float(np.median(delays[is_wrong]))
         measured = f'{abs(delay):.3g} s {"old" if delay > 0 else "in the future"}'
         cause = f'is not the current time: {_NOW}.'
-    return Fault(f'{name}: {measured}', f'The stamps of {name} are wrong.',
-                 f'The stamp of {name} {cause}')
+    return f'{name}: {measured}', f'The stamp of {name} {cause}'
 
 
 # Positions and rotations

@@ -63,10 +63,8 @@ class Report(NamedTuple):
     @property
     def first_failure(self) -> Optional[Line]:
         """The first line with the verdict NOT_OK; if there is none, the first with NOT_JUDGED."""
-        found = [] if self.passed else [
-            line for verdict in (Verdict.NOT_OK, Verdict.NOT_JUDGED) for line in self.lines
-            if line.verdict == verdict]
-        return found[0] if found else None
+        return next((line for verdict in (Verdict.NOT_OK, Verdict.NOT_JUDGED)
+                     for line in self.lines if line.verdict == verdict and not self.passed), None)
 
     @property
     def reason(self) -> str:

@@ -5,7 +5,7 @@ The check needs no ROS: its input is a list of received or recorded messages. A 
 judged by a pure function of the transforms, and of the results of the requirements that it needs.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import pairwise
 from math import degrees, log, pi, radians
 from operator import itemgetter
@@ -52,7 +52,7 @@ class Result(NamedTuple):
 
     measured: str
     cause: str = ''  #: why it is not met, or not judged; '' if it is met
-    broken: Mapping[str, str] = {}  #: by frame: why what needs this requirement is not judged
+    broken: Collection[str] = ()  #: the frames of which nothing that needs this is judged
     value: Any = None  #: for other requirements
     is_judged: bool = True
 
@@ -98,15 +98,13 @@ def _advice(line: Line) -> Line:
 
 def _why_not(name: str, needed: Mapping[str, Result]) -> str:
     """Return why nothing that needs some results can be judged for a frame; '' if it can be."""
-    return next((why for result in needed.values() if (why := result.broken.get(name))), '')
+    return next((f'It is not judged, since this is not met: {text}.'
+                 for text, result in needed.items() if name in result.broken), '')
 
 
 def _first(faults: Mapping[str, Fault], otherwise: str) -> Result:
     """Return the first fault as a result; what needs this is not judged for any of the frames."""
-    broken = {name: fault.reason for name, fault in faults.items()}
-    for fault in faults.values():
-        return Result(fault.measured, fault.cause, broken)
-    return Result(otherwise)
+    return next((Result(*fault, [*faults]) for fault in faults.values()), Result(otherwise))
 
 
 # Transforms and tree
@@ -116,8 +114,7 @@ def _validity(arm: Arm, *_: Any) -> Result:
     """Judge the numbers: tf2 ignores transforms with NaN, and with a quaternion of norm 0."""
     if not arm.samples:
         return Result('no transform', causes.recreation(arm) or (
-            'Nothing was received on /tf and /tf_static.'), dict.fromkeys(
-                ('', *FRAMES), causes.NO_TRANSFORMS))
+            'Nothing was received on /tf and /tf_static.'), ['', *FRAMES])
     faults = {name: fault for name in FRAMES[1:] if name in arm.samples if (
         fault := causes.fault_of_numbers(name, arm.samples[name].poses, _NORM_TOLERANCE))}
     return _first(faults, f'{sum(len(each.poses) for each in arm.samples.values())} transforms')
@@ -154,7 +151,7 @@ def _base_on_tf_static(arm: Arm, *_: Any) -> Result:
         return Result('/tf_static')
     return Result('on both' if is_static.any() else '/tf', (
         'map → base_link is sent on /tf: use StaticTransformBroadcaster, which sends on '
-        '/tf_static.'))
+        '/tf_static.'), [BASE.name])
 
 
 def _base_at_origin(arm: Arm, *_: Any) -> Result:
@@ -172,8 +169,6 @@ def _base_at_origin(arm: Arm, *_: Any) -> Result:
 def _late_joiner(arm: Arm, *_: Any) -> Result:
     if arm.reaches_late_joiners is None:
         return _not_judged('This was not observed.')
-    if not arm.samples[BASE.name].is_static.any():
-        return _not_judged('base_link is not on /tf_static.')
     return Result('received') if arm.reaches_late_joiners else Result(
         'not received', 'A listener that starts now does not receive base_link: keep the node and '
         'its StaticTransformBroadcaster as long as the program runs.')
@@ -212,21 +207,19 @@ def _axis(arm: Arm, joint: Edge, _: Any) -> Result:
     # The vector part of the quaternion is sin(angle / 2) times the axis.
     axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z))
                         if part > _ROTATION_TOLERANCE / 4)
-    return Result(f'about {axes}', causes.of_axis(joint, samples, axes),
-                  {joint.name: f'{joint.name} does not turn about z only.'})
+    return Result(f'about {axes}', causes.of_axis(joint, samples, axes), [joint.name])
 
 
 def _motion(arm: Arm, joint: Edge, _: Any) -> Result:
     samples = arm.samples[joint.name]
-    does_not_move = {joint.name: f'{joint.name} does not move.'}
     if samples.is_static.all():
-        return Result('on /tf_static', causes.static_joints(arm), does_not_move)
+        return Result('on /tf_static', causes.static_joints(arm), [joint.name])
     if silence := causes.of_silence(arm, joint.name):
-        return Result('', silence, {joint.name: f'{joint.name} is not sent all the time.'})
+        return Result('', silence, [joint.name])
     span = float(np.ptp(samples.angles))
     measured = f'by {in_degrees(span)}'
     return Result(measured) if span >= _SMALLEST_MOTION else Result(
-        measured, causes.of_small_motion(joint.name, span), does_not_move)
+        measured, causes.of_small_motion(joint.name, span), [joint.name])
 
 
 def _limit(arm: Arm, joint: Edge, _: Any) -> Result:
@@ -238,8 +231,7 @@ def _limit(arm: Arm, joint: Edge, _: Any) -> Result:
     if largest > radians(170) or np.ptp(np.unwrap(angles)) > 2 * pi:
         return Result(
             measured, 'The joint turns all the way round: the angle is in degrees where radians '
-            'are needed, or it has no sine. Write radians(limit) * sin(speed * t).',
-            {joint.name: f'{joint.name} turns all the way round.'})
+            'are needed, or it has no sine. Write radians(limit) * sin(speed * t).', [joint.name])
     return Result(measured, causes.of_excess(joint, largest))
 
 
@@ -307,7 +299,8 @@ def _farthest(positions: Floats, expected: Vector) -> Vector:
 
 
 _VALID, _TREE, _NOW = 'all transforms are valid', 'the tree', 'the stamps are the current time'
-_LATE, _SPEEDS = 'base_link reaches a late listener', 'the joints have three different speeds'
+_STATIC, _LATE = 'base_link is on /tf_static', 'base_link reaches a late listener'
+_SPEEDS = 'the joints have three different speeds'
 _IN_TREE = _VALID, _TREE
 #: By joint: the texts of what each needs, in this order.
 _AXIS, _MOVES, _STAYS, _WAVES = (
@@ -317,9 +310,9 @@ REQUIREMENTS = (
     Requirement(_VALID, (), _validity),
     Requirement(_TREE, (_VALID,), _tree),
     Requirement(_NOW, (), _stamps),
-    Requirement('base_link is on /tf_static', _IN_TREE, _base_on_tf_static, BASE),
+    Requirement(_STATIC, _IN_TREE, _base_on_tf_static, BASE),
     Requirement('base_link is fixed at the origin of map', _IN_TREE, _base_at_origin, BASE),
-    Requirement(_LATE, _IN_TREE, _late_joiner, BASE),
+    Requirement(_LATE, (*_IN_TREE, _STATIC), _late_joiner, BASE),
     *(Requirement(f'{edge.name} is {edge.place} from {edge.parent}', _IN_TREE, _position, edge)
       for edge in EDGES[1:]),
     *(Requirement(text, _IN_TREE, _axis, joint) for joint, text in _AXIS.items()),
