@@ -1,6 +1,5 @@
 """Which arms meet the requirements, by messages of right and wrong arms."""
 
-from functools import cache
 import re
 
 from arms import Arm, changed, FIXED_STEP, jitter, RIGHT, S, WRONG
@@ -43,12 +42,6 @@ def line_of(report, beginning):
     """Return the first line of a report whose requirement begins with a text."""
     return next(line for line in [*report.lines, *report.advice]
                 if line.requirement.startswith(beginning))
-
-
-@cache
-def report_of_the_model():
-    """Return the report of a right arm."""
-    return check(received(Arm()))
 
 
 @pytest.mark.parametrize('name', RIGHT)
@@ -268,7 +261,7 @@ def test_good_practice(arm, practice, text):
     assert [line.requirement for line in report.advice if line.verdict == Verdict.ADVICE] == [
         line_of(report, practice).requirement]
     assert text in line_of(report, practice).text
-    assert line_of(report_of_the_model(), practice).verdict == Verdict.OK
+    assert line_of(check(received(Arm())), practice).verdict == Verdict.OK
 
 
 @pytest.mark.parametrize(('step', 'seconds', 'requirement', 'text'), [
