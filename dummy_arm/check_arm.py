@@ -179,9 +179,9 @@ def _check_bag(option: BagOption) -> Report:
     with option.opened() as bag:
         for message in bag.messages():
             with suppress(ValueError):
-                rows = message.rows()
-                found.append(Message(message.time, message.is_static, message.publisher, rows))
-                count += len(rows)
+                found.append(Message(
+                    message.time, message.is_static, message.publisher, message.rows()))
+                count += len(found[-1].rows)
             if count > MOST:
                 raise CommandError(f'{bag.path} has more than {MOST} transforms: record an arm '
                                    'for a minute only')

@@ -131,7 +131,6 @@ def pid_of_publisher(gid: str) -> int:
     if prefix[:2] != b'\x01\x0f':
         return 0
     # Fast DDS writes the lower 16 bits of the process id into a gid. Several processes may have
-    # them; one that takes part in a ROS domain is probably it.
+    # them, but seldom two that take part in a ROS domain.
     low = int.from_bytes(prefix[4:6], 'little')
-    found = [pid for pid in psutil.pids() if pid & 0xffff == low]
-    return min(found, key=lambda pid: not ros_domains([pid]), default=0)
+    return next((pid for pid in psutil.pids() if pid & 0xffff == low and ros_domains([pid])), 0)
