@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 import csv
 import os
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.records import DOMAINS, Grade, Message, MOST, Report, START, Verdict
+from dummy_arm.grading.records import DOMAINS, Grade, Messages, MOST, Report, START, Verdict
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.samples import Arm
 from puretf import TransformException, visible
@@ -174,15 +173,11 @@ def _write_hand_in(directory: Path, report: Report, listener: 'FrameListener') -
 
 
 def _check_bag(option: BagOption) -> Report:
-    found: list[Message] = []
-    count = 0
+    found = Messages()
     with option.opened() as bag:
         for message in bag.messages():
-            with suppress(ValueError):
-                found.append(Message(
-                    message.time, message.is_static, message.publisher, message.rows()))
-                count += len(found[-1].rows)
-            if count > MOST:
+            found.add(message)
+            if found.size > MOST:
                 raise CommandError(f'{bag.path} has more than {MOST} transforms: record an arm '
                                    'for a minute only')
     return check(Arm(found))

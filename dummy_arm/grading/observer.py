@@ -1,6 +1,5 @@
 """The listener that observes an arm, in the process of a command or in one of its own."""
 
-from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
 import time
@@ -9,7 +8,7 @@ import warnings
 
 from dummy_arm.grading.processes import pid_of_publisher
 from dummy_arm.grading.program import ProgramError
-from dummy_arm.grading.records import Message, MOST, Publisher, Report, START
+from dummy_arm.grading.records import Messages, MOST, Publisher, Report, START
 from dummy_arm.grading.sheet import BASE
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
@@ -28,10 +27,9 @@ class Observer:
         from puretf_tools.inspection.frame_listener import FrameListener
         self._node = node
         self.listener = FrameListener(node)
-        self.messages: list[Message] = []
+        self.messages = Messages()
         #: True if a message of /tf has been received.
         self.has_started = False
-        self._count = 0
         #: All publishers that have been seen on the topics of transforms, by gid.
         self._publishers: dict[str, Publisher] = {}
 
@@ -39,13 +37,10 @@ class Observer:
         """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
         received, dropped = self.listener.received()
         for message in received:
-            with suppress(ValueError):  # the listener logs this error
-                rows = message.rows()
-                self._count += len(rows)
-                self.messages.append(Message(
-                    message.time, message.is_static, message.publisher, rows))
-                self.has_started |= not message.is_static
-        if dropped or self._count > MOST:
+            self.messages.add(message)
+        self.has_started = self.has_started or not all(
+            message.is_static for message in self.messages)
+        if dropped or self.messages.size > MOST:
             raise ProgramError('More transforms arrive than can be judged.')
         for gid, (node, topic) in self.listener.publishers().items():
             if gid not in self._publishers:

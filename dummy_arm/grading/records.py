@@ -1,6 +1,7 @@
 """What is observed, and what is found: plain values, which need neither numpy nor ROS."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple, Optional
 
 from puretf import visible
@@ -28,6 +29,19 @@ class Message(NamedTuple):
     #: The transforms: `stamp_ns`, `frame_id`, `child_frame_id`, and `pose` (x, y, z in m, then the
     #: quaternion x, y, z, w).
     rows: Sequence[Any]
+
+
+class Messages(list[Message]):
+    """The messages of an arm."""
+
+    size = 0  #: the number of their transforms
+
+    def add(self, message: Any) -> None:
+        """Add a message that was received or recorded, if it can be decoded."""
+        with suppress(ValueError):  # the listener logs this error
+            rows = message.rows()
+            self.append(Message(message.time, message.is_static, message.publisher, rows))
+            self.size += len(rows)
 
 
 class Publisher(NamedTuple):
