@@ -38,37 +38,32 @@ _PROGRAMS, _BAG, _DRAWINGS, _ARM = 'programs', 'a bag', 'drawings', 'the arm tha
 
 
 def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
-               feedback: Optional[str], resume: bool) -> int:
+               feedback: Optional[str]) -> int:
     """Grade programs; print a line for each when it has been graded. Return the exit code."""
-    names = {_cell(visible(file)): file for file in files}  # a file that is given twice, once
-    rows = _read_table(table) if table and resume else {}  # also those of other hand-ins
-    for name in names:
-        rows.setdefault(name, {'file': name, 'verdict': Verdict.NOT_RUN})
-    to_run = [file for name, file in names.items() if rows[name]['verdict'] == Verdict.NOT_RUN]
-    grades = grade(to_run, seconds, jobs, lambda done, what: show(done, what))
+    # A file that is given twice runs once.
+    rows = {file: _row(Grade(file, None, '', Verdict.NOT_RUN)) for file in files}
+    grades = grade([*rows], seconds, jobs, lambda done, what: show(done, what))
     try:
         while True:
             if table:
                 _write_table(table, rows.values())
-            with progress(len(to_run), bar_format=_BAR) as show:
+            with progress(len(rows), bar_format=_BAR) as show:
                 result = next(grades, None)
             if not result:
                 break
             print(result.line)
-            row = _row(result)
-            rows[row['file']] = row
+            rows[result.file] = _row(result)
             if feedback:
                 try:
                     _write_feedback(Path(feedback), files, result)
                 except (CommandError, OSError) as error:  # the table is the record
                     print(f'check_arm: warning: {visible(str(error))}', file=sys.stderr)
     except KeyboardInterrupt:
-        count = sum(rows[name]['verdict'] == Verdict.NOT_RUN for name in names)
-        how = '; the same command with --resume goes on' if table else ''
-        raise CommandError(f'interrupted: {count} of {len(names)} were not run{how}') from None
+        count = sum(row['verdict'] == Verdict.NOT_RUN for row in rows.values())
+        raise CommandError(f'interrupted: {count} of {len(rows)} were not run') from None
     finally:
         grades.close()
-    return 0 if all(rows[name]['verdict'] == Verdict.OK for name in names) else 1
+    return 0 if all(row['verdict'] == Verdict.OK for row in rows.values()) else 1
 
 
 def _row(grade: Grade) -> dict[str, str]:
@@ -83,33 +78,14 @@ def _cell(text: str) -> str:
     return f"'{text}" if text.startswith(('=', '+', '-', '@')) else text
 
 
-def _titles() -> list[str]:
-    return [*_row(Grade('', check(Arm([])), '', ''))]
-
-
 def _write_table(path: str, rows: Iterable[dict[str, str]]) -> None:
     # Without a byte-order mark, spreadsheets assume the encoding of the country; some separate
     # cells by semicolons.
     with whole_file(Path(path)) as part, part.open('w', newline='', encoding='utf-8-sig') as file:
-        writer = csv.DictWriter(file, _titles(), quoting=csv.QUOTE_ALL, extrasaction='ignore')
+        titles = _row(Grade('', check(Arm([])), '', ''))
+        writer = csv.DictWriter(file, titles, quoting=csv.QUOTE_ALL)
         writer.writeheader()
         writer.writerows(rows)
-
-
-def _read_table(path: str) -> dict[str, dict[str, str]]:
-    """Return the rows of a table that this command has written, by the name of the file."""
-    try:
-        with open(path, newline='', encoding='utf-8-sig') as file:
-            reader = csv.DictReader(file)
-            rows, titles = [*reader], reader.fieldnames
-    except OSError as error:
-        raise CommandError(f'cannot read {path}: {error.strerror}') from None
-    except (ValueError, csv.Error):
-        titles = None
-    if titles != _titles():
-        raise CommandError(f'{path} is not a table of this version of check_arm: leave out '
-                           '--resume')
-    return {row['file']: row for row in rows}
 
 
 def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> None:
@@ -204,7 +180,7 @@ def format_report(report: Report) -> list[str]:
 
 def command(files: Sequence[str] = (), seconds: Optional[float] = None,
             bag: Optional[BagOption] = None, namespace: str = '', frames: Sequence[str] = (),
-            table: Optional[str] = None, resume: bool = False, feedback: Optional[str] = None,
+            table: Optional[str] = None, feedback: Optional[str] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
     duration = DEFAULT_TIME if seconds is None else seconds
@@ -224,7 +200,6 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
         if is_given and kind not in kinds:
             raise UsageError(f'{option} is for {" and ".join(kinds)}, not for {kind}')
     for is_wrong, text in (
-            (resume and table is None, '--resume needs --csv'),
             (table is not None and (table in files or not table.endswith('.csv')),
              f'--csv needs the name of a file that ends in .csv, got {table!r}'),
             (not 1.0 <= duration <= _LONGEST,
@@ -237,7 +212,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
         return _check_drawings(frames)
     if files:
         jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
-        return _grade_all(files, duration, jobs, table, feedback, resume)
+        return _grade_all(files, duration, jobs, table, feedback)
     try:
         report = (_check_running(duration, namespace, ros_args, feedback) if bag is None
                   else _check_bag(bag))
@@ -277,8 +252,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='check drawings of view_frames, .pdf or .gv')
     parser.add_argument('--csv', dest='table', metavar='OUT',
                         help='write a table with a row for each program')
-    parser.add_argument('--resume', action='store_true',
-                        help='run only the programs that are "not run" in the table')
     parser.add_argument('--feedback', metavar='DIR',
                         help='write the report of each program, and of the frames.pdf beside it; '
                              'of the arm that is running, what to hand in: the report, frames.pdf '

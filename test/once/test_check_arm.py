@@ -49,19 +49,15 @@ def started_pids(path):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])
 def test_an_end_of_check_arm_leaves_no_program(start, tmp_path, number):
-    """Nor their children and copies. What was judged is in the table, and --resume goes on."""
+    """Nor their children and copies. What was judged is in the table."""
     for name, code in ('first.py', ENDLESS), ('fast.py', '1 / 0'), ('last.py', ENDLESS):
         (tmp_path / name).write_text(code)
-    arguments = tool('check_arm', 'first.py', 'fast.py', 'last.py', '--csv', 'grades.csv',
-                     '--jobs', '2')
-    process = start(*arguments, cwd=tmp_path, environment={
+    process = start(*tool('check_arm', 'first.py', 'fast.py', 'last.py', '--csv', 'grades.csv',
+                          '--jobs', '2'), cwd=tmp_path, environment={
         'PIDS': str(tmp_path), 'TMPDIR': str(tmp_path)})
     pids = [*started_pids(tmp_path / 'first.pid'), *started_pids(tmp_path / 'last.pid')]
-
-    def verdicts():
-        return [row['verdict'] for row in read_table(tmp_path / 'grades.csv')]
-
-    assert verdicts() == ['not run', 'not ok', 'not run']
+    assert [row['verdict'] for row in read_table(tmp_path / 'grades.csv')] == [
+        'not run', 'not ok', 'not run']
     process.end(number)
     eventually(lambda: not [pid for pid in pids if is_running(pid)])
     eventually(lambda: not [*tmp_path.glob('check_arm_*/*')])
@@ -69,9 +65,4 @@ def test_an_end_of_check_arm_leaves_no_program(start, tmp_path, number):
         assert process.exit_code() == 1
         assert process.output.splitlines() == [
             'fast.py: not ok: It fails: ZeroDivisionError: division by zero (line 1)',
-            'check_arm: interrupted: 2 of 3 were not run; the same command with --resume goes on']
-    for name in 'first.py', 'last.py':
-        (tmp_path / name).write_text('')
-    process = start(*arguments, '--resume', cwd=tmp_path)
-    assert process.exit_code() == 1
-    assert verdicts() == ['not ok', 'not ok', 'not ok']
+            'check_arm: interrupted: 2 of 3 were not run']

@@ -161,7 +161,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
 
 @on_linux
 def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
-    """Each has a line, a row and its feedback, with that on the frames.pdf in a folder."""
+    """Each has one line, one row and its feedback, with that on the frames.pdf in a folder."""
     monkeypatch.chdir(tmp_path)
     for name, (content, _) in REFUSED.items():
         if content == 'folder':
@@ -172,7 +172,7 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     package.mkdir(parents=True)
     (package / 'dummy_arm.py').write_bytes(ZIP)
     Path('folder', 'frames.pdf').write_text('no PDF')
-    assert main([*REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback', '--jobs', '2']) == 1
+    assert main([*REFUSED, *REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback']) == 1
     lines = capsys.readouterr().out.splitlines()
     for name, (_, reason) in REFUSED.items():
         (line,) = [line for line in lines if line.startswith(f'{name}: not ok: {reason}')]
@@ -192,37 +192,6 @@ def test_a_bar_in_a_terminal(tmp_path, monkeypatch):
     Path('arm.py').write_text('print(')
     assert 'observing arm.py' in call(main, 'arm.py', columns=80).stderr
     assert call(main, 'arm.py').stderr == ''
-
-
-@on_linux
-def test_resume(tmp_path, monkeypatch, capsys, failed):
-    """Only what was not run is run; the other rows stay as they are, also those of formulas."""
-    monkeypatch.chdir(tmp_path)
-    files = ['=a.py', 'b.py', 'c.py']
-    missing = 'not ok: It cannot be read: No such file or directory.'
-
-    def verdicts():
-        return [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))]
-
-    assert failed(main, *files, '--csv', 'grades.csv', '--resume') == (
-        1, 'check_arm: cannot read grades.csv: No such file or directory\n')
-    assert main([*files, 'b.py', '--csv', 'grades.csv']) == 1  # one is given twice
-    table = Path('grades.csv').read_text('utf-8-sig').splitlines()
-    table[1], table[2] = table[1].replace('"not ok"', '"ok"'), 'b.py,not run,'
-    Path('grades.csv').write_text('\n'.join(table))
-    capsys.readouterr()
-    assert main([*files, '--csv', 'grades.csv', '--resume']) == 1
-    assert capsys.readouterr().out == f'b.py: {missing}\n'
-    assert verdicts() == [("'=a.py", 'ok'), ('b.py', 'not ok'), ('c.py', 'not ok')]
-    assert main(['=a.py', '--csv', 'grades.csv', '--resume']) == 0
-    assert main(['late.py', '--csv', 'grades.csv', '--resume']) == 1
-    assert verdicts() == [("'=a.py", 'ok'), ('b.py', 'not ok'), ('c.py', 'not ok'),
-                          ('late.py', 'not ok')]
-    capsys.readouterr()
-    Path('grades.csv').write_text('a,b\n')
-    assert failed(main, *files, '--csv', 'grades.csv', '--resume') == (
-        1, 'check_arm: grades.csv is not a table of this version of check_arm: leave out '
-        '--resume\n')
 
 
 @on_linux

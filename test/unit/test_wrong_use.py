@@ -17,7 +17,6 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         '--jobs must be at least 1, and at most 17, got 0': ['a.py --jobs 0'],
         'is for programs, not for the arm that is running': ['--jobs 2', '--csv out.csv'],
         '--feedback is for programs and': ['--feedback d --bag b', '--feedback d --frames f.pdf'],
-        '--resume needs --csv': ['a.py --resume'],
         '--namespace is for a bag and the arm': ['a.py --namespace robot'],
         "--csv needs the name of a file that ends in .csv, got 'b.py'": ['a.py --csv b.py'],
         '--csv needs the name of a file that ends in .csv': ['a.csv --csv a.csv'],
