@@ -224,9 +224,6 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
 
 def _check_drawings(paths: Sequence[str]) -> int:
     """Print a line for each drawing; return the exit code."""
-    for path in paths:
-        if Path(path).suffix.lower() not in ('.pdf', '.gv'):
-            raise UsageError(f'{path!r} must end in .pdf or .gv')
     faults = {path: fault_of_drawing(Path(path)) for path in paths}
     for path, fault in faults.items():
         print(Grade(path, None, fault, Verdict.NOT_OK if fault else Verdict.OK).line)
@@ -249,7 +246,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='how long to observe each arm (s; default: '
                              f'{DEFAULT_TIME:g}, more than a period of the slowest joint)')
     parser.add_argument('--frames', nargs='+', default=(), metavar='FILE',
-                        help='check drawings of view_frames, .pdf or .gv')
+                        help='check drawings of view_frames, as PDF')
     parser.add_argument('--csv', dest='table', metavar='OUT',
                         help='write a table with a row for each program')
     parser.add_argument('--feedback', metavar='DIR',

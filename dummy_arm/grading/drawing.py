@@ -1,7 +1,6 @@
 """Check whether a drawing of view_frames shows the tree of the lab's arm."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
 from itertools import pairwise
 import logging
 from pathlib import Path
@@ -9,35 +8,27 @@ import re
 from unicodedata import normalize
 
 from dummy_arm.grading.sheet import FRAMES
-from puretf import comma_list, quoted, shortened
+from puretf import comma_list, quoted
 from puretf_tools.cli.parser import CommandError
 
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
 _LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
                     r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
-#: An edge in a graph, as this package and tf2 write it.
-_EDGE = re.compile(r'^\s*"((?:[^"\\]|\\.)*)"\s*->\s*"((?:[^"\\]|\\.)*)"', re.MULTILINE)
 #: The largest number of names that a text lists.
 _SHOWN = 6
 
 
 def fault_of_drawing(path: Path) -> str:
-    """Return why a `.pdf` or `.gv` of view_frames does not show the arm; '' if it does."""
-    try:
-        if path.suffix.lower() == '.pdf':
-            return _fault_of_pdf(path)
-        return _fault_of_edges(path.read_text('utf-8', 'replace'))
-    except OSError as error:
-        return f'It cannot be read: {error.strerror}.'
+    """
+    Return why a PDF of view_frames does not show the arm; '' if it does.
 
-
-def _fault_of_pdf(path: Path) -> str:
-    """Compare the texts of a drawing that are names of frames, and their places on the paper."""
+    It has texts that are names of frames, and their places on the paper.
+    """
     try:
         from pypdf import PdfReader
     except ImportError:
         raise CommandError('pypdf is needed to read a PDF: apt install python3-pypdf, or pip '
-                           'install pypdf; or check the .gv file') from None
+                           'install pypdf') from None
     #: By the place on the paper. A text is in several parts if it has a ligature, such as "ff".
     texts: defaultdict[tuple[float, float], str] = defaultdict(str)
 
@@ -50,8 +41,8 @@ def _fault_of_pdf(path: Path) -> str:
     logging.getLogger('pypdf').setLevel(logging.CRITICAL)  # its warnings about damaged files
     try:
         PdfReader(path).pages[0].extract_text(visitor_text=add)
-    except OSError:
-        raise
+    except OSError as error:
+        return f'It cannot be read: {error.strerror}.'
     except Exception:  # a damaged file causes errors of many types
         texts.clear()
     return _fault_of_names({text.strip(): depth for (depth, _), text in sorted(texts.items())
@@ -64,25 +55,9 @@ def _fault_of_names(names: dict[str, float]) -> str:
     missing = [name for name in FRAMES if name not in names]
     others = [name for name in names if name not in FRAMES]
     if missing or others:
-        return _differences(missing, 'frames', others, quoted)
+        return ' '.join(f'{label}: {comma_list(found, _SHOWN, quoted)}.' for label, found in (
+            ('Missing', missing), ('Other frames', others)) if found)
     for upper, lower in pairwise(FRAMES):
         if names[lower] < names[upper] + 1.0:
             return f'{lower} is not below {upper}: the tree is not a chain in the right order.'
     return ''
-
-
-def _fault_of_edges(dot: str) -> str:
-    edges = {(parent.removeprefix('/'), child.removeprefix('/'))
-             for parent, child in _EDGE.findall(dot)}
-    if not edges:
-        return 'It has no edges of a tree.'
-    expected = {*pairwise(FRAMES)}
-    missing, others = (sorted(f'{parent} -> {child}' for parent, child in found)
-                       for found in (expected - edges, edges - expected))
-    return _differences(missing, 'edges', others, shortened)
-
-
-def _differences(missing: Sequence[str], what: str, others: Sequence[str],
-                 write: Callable[[str], str]) -> str:
-    return ' '.join(f'{label}: {comma_list(found, _SHOWN, write)}.' for label, found in (
-        ('Missing', missing), (f'Other {what}', others)) if found)

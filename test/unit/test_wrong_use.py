@@ -21,8 +21,7 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         "--csv needs the name of a file that ends in .csv, got 'b.py'": ['a.py --csv b.py'],
         '--csv needs the name of a file that ends in .csv': ['a.csv --csv a.csv'],
         '--partial needs --bag': ['--partial'],
-        '--bag needs the path of a bag': ["--bag ''"],
-        "'frames.txt' must end in .pdf or .gv": ['--frames frames.txt']},
+        '--bag needs the path of a bag': ["--bag ''"]},
     'tf2_echo': {
         'the following arguments are required: target_frame': ['map'],
         'a frame must have a name': ['map /', "'' odom"],
