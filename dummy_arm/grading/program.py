@@ -26,9 +26,12 @@ _LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 1_000_000, 200_000_
 #: many files are copied.
 _MOST_DATA, _MOST_COPIED = 2**32, 1000
 #: The program that runs a program, which must not import the arm of this package; if it does not
-#: call its main(), as `ros2 run` does, this follows.
+#: call its main(), as `ros2 run` does, this follows. SIGTERM, which is blocked in it, ends a
+#: fork; what it starts by `subprocess` inherits the block, so terminate() sends SIGKILL.
 _RUN = """
-import os, runpy, sys
+import os, runpy, signal, subprocess, sys
+os.register_at_fork(after_in_child=lambda: signal.pthread_sigmask(signal.SIG_SETMASK, []))
+subprocess.Popen.terminate = subprocess.Popen.kill
 sys.modules['dummy_arm.dummy_arm'] = sys.modules['dummy_arm.arm'] = None
 path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]

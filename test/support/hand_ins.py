@@ -167,6 +167,16 @@ CHAOS = {
             os.execve('/bin/sleep', ['sleep', '90'], {})
         subprocess.Popen(['sleep', '90'], start_new_session=True)
         """) + program(), 'ok', ''),
+    'ends_its_children.py': HandIn(limited("""
+        import multiprocessing
+        child = subprocess.Popen(['sleep', '90'])
+        child.terminate()
+        child.wait()
+        child = multiprocessing.Process(target=time.sleep, args=(90,))
+        child.start()
+        child.terminate()
+        child.join()
+        """) + program(), 'ok', ''),
     # Programs that take too much
     # Small processes, in sessions of their own: 128 have less memory than its limit.
     'fork_bomb.py': HandIn(limited("""
