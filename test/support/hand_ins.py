@@ -156,7 +156,7 @@ CHAOS = {
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(90)
         """), 'not ok', r'does rclpy\.spin run\?'),
-    # PyDLL keeps the GIL, so that Python handles no signal.
+
     # Survivors
     'survivors.py': HandIn(limited("""
         if os.fork() == 0:  # a daemon, which a subreaper adopts
@@ -177,6 +177,7 @@ CHAOS = {
         child.terminate()
         child.join()
         """) + program(), 'ok', ''),
+
     # Programs that take too much
     # Small processes, in sessions of their own: 128 have less memory than its limit.
     'fork_bomb.py': HandIn(limited("""
