@@ -37,11 +37,11 @@ class Observer:
         """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
         received, dropped = self.listener.received()
         for message in received:
+            if dropped or self.messages.size > MOST:
+                raise ProgramError('More transforms arrive than can be judged.')
             self.messages.add(message)
         self.has_started = self.has_started or not all(
             message.is_static for message in self.messages)
-        if dropped or self.messages.size > MOST:
-            raise ProgramError('More transforms arrive than can be judged.')
         for gid, (node, topic) in self.listener.publishers().items():
             if gid not in self._publishers:
                 self._publishers[gid] = Publisher(
