@@ -397,9 +397,14 @@ def _int64_times(times: Times, name: str) -> NDArray[np.int64]:
     if times.dtype.kind == 'M':
         if np.isnat(times).any():
             raise ValueError(f'{name} must be times, got NaT at index {np.isnat(times).argmax()}')
-        times = given.astype('datetime64[ns]')
-        if len(wrong := given[times.astype(given.dtype) != given]):
-            raise OverflowError(f'{name} must be whole ns from 1678 to 2262, got {wrong[0]}')
+        try:
+            times = given.astype('datetime64[ns]')
+            is_exact = bool((times.astype(given.dtype) == given).all())
+        except OverflowError:  # before numpy 2.5, the numbers overflow
+            is_exact = False
+        if not is_exact:
+            raise OverflowError(f'{name} must be whole ns from 1678 to 2261, got {given.min()} to '
+                                f'{given.max()}')
         return times.astype(np.int64)
     if times.dtype.kind == 'O':
         times = np.array([nanoseconds_or_int(time, name) for time in times.tolist()], np.object_)

@@ -424,8 +424,9 @@ def test_many_times_of_other_types(times):
     ([2**64], r'int64 \(ns\), got 18446744073709551616'),
     ([0, -2**63 - 1], r'int64 \(ns\), got -9223372036854775809'),
     (np.array(['2024', 'NaT'], 'datetime64[D]'), 'got NaT at index 1'),
-    (np.array(['1500', '2024'], 'datetime64[D]'), 'whole ns from 1678 to 2262, got 1500-01-01'),
-    (np.array([5], 'datetime64[ps]'), 'whole ns from 1678 to 2262, got 1970-01-01T00:00:00.0'),
+    (np.array(['1500', '2024'], 'datetime64[D]'),
+     'whole ns from 1678 to 2261, got 1500-01-01 to 2024-01-01'),
+    (np.array([5], 'datetime64[ps]'), 'whole ns from 1678 to 2261, got 1970-01-01T00:00:00.0'),
     ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
     (5, r'shape \(n,\), got \(\)')])
 def test_many_at_once_refuses_what_are_no_times(times, error):
