@@ -34,4 +34,6 @@ def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
     if sys.platform != 'linux':
         raise CommandError('programs can be run on Linux only; record a bag, and use --bag')
     from dummy_arm.grading.hand_ins import graded
+    from dummy_arm.grading.processes import need_psutil
+    need_psutil()
     return graded(files, seconds, jobs, on_wait)

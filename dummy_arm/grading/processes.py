@@ -18,8 +18,7 @@ from puretf_tools.cli.parser import CommandError
 try:
     import psutil
 except ImportError:
-    raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil'
-                       ) from None
+    psutil = None  # type: ignore[assignment]
 
 #: prctl(2)
 _PR_SET_CHILD_SUBREAPER = 36
@@ -34,6 +33,12 @@ sys.path[:] = connection.recv()
 function, arguments = connection.recv()
 function(connection, *arguments)
 """
+
+
+def need_psutil() -> None:
+    """Raise a CommandError if psutil is missing."""
+    if psutil is None:
+        raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil')
 
 
 class Worker(subprocess.Popen[bytes]):
