@@ -8,7 +8,7 @@ import warnings
 
 from dummy_arm.grading.processes import pid_of_publisher
 from dummy_arm.grading.program import ProgramError
-from dummy_arm.grading.records import Messages, MOST, Publisher, Report, START
+from dummy_arm.grading.records import Messages, Publisher, Report, START
 from dummy_arm.grading.sheet import BASE
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: How long a late listener waits for base_link (s).
 _LATE = 10.0
+#: The largest number of transforms, which a busy computer can judge within a few seconds.
+_MOST = 200_000
 
 
 class Observer:
@@ -37,7 +39,7 @@ class Observer:
         """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
         received, dropped = self.listener.received()
         for message in received:
-            if dropped or self.messages.size > MOST:
+            if dropped or self.messages.size > _MOST:
                 raise ProgramError('More transforms arrive than can be judged.')
             self.messages.add(message)
         self.has_started = self.has_started or not all(

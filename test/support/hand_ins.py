@@ -210,7 +210,8 @@ CHAOS = {
         ('        self.broadcaster.sendTransform([',
          '        while True:\n            self.broadcaster.sendTransform(1000 * ['),
         ('            self.transform(now, parent', '                self.transform(now, parent')),
-        'not ok', 'More transforms arrive|more than once|has not been sent|publishes nothing'),
+        'not ok|not judged',  # a busy computer is too slow to receive them in time
+        'More transforms arrive|more than once|has not been sent|publishes nothing|said nothing'),
     # What it changes is a copy
     'deletes_its_folder.py': HandIn(limited("""
         import shutil
