@@ -13,7 +13,7 @@ except ModuleNotFoundError as error:
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.frames import as_dot
 from puretf._core.pose import Pose
-from puretf._core.times import nanoseconds, SECOND
+from puretf._core.times import nanoseconds, SECOND, split
 from puretf._core.velocity import tf2_velocity
 from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
 from puretf.transform import Vector
@@ -72,7 +72,7 @@ class BufferCore(BufferBase):
     _ns = staticmethod(nanoseconds)
 
     def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> TransformStamped:
-        return message_of_fields((*divmod(stamp, SECOND), target, source, pose))
+        return message_of_fields((*split(stamp), target, source, pose))
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
                               ) -> TransformStamped:

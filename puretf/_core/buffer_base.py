@@ -71,7 +71,7 @@ class BufferBase:
             stamp, frame_id, child_frame_id, pose, authority, is_static)
 
     def insert_many(self, stamps: Times, frame_id: str, child_frame_id: str, poses: ArrayLike,
-                     authority: str = 'default_authority') -> bool:
+                    authority: str = 'default_authority') -> bool:
         """
         Insert many poses of a frame in its parent.
 
@@ -342,7 +342,7 @@ class BufferBase:
     _ns: Any = staticmethod(nanoseconds_or_int)
 
     def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> Transform:
-        return tuple.__new__(Transform, (stamp, target, source, pose[:3], pose[3:]))
+        return Transform(stamp, target, source, pose[:3], pose[3:])
 
     def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0
                 ) -> Transform:
