@@ -74,7 +74,8 @@ class TransformBuffer(BufferBase):
         buffer = cls(2**64, max_frames=sys.maxsize, max_samples=None)
         for name, frame in dump.items():
             try:
-                buffer._engine.tree.histories[name] = history = load(frame)
+                buffer._engine.tree.histories[name] = history = load(
+                    frame, buffer._engine.tree.cache_time)
                 parents = () if history is None else history.all_parents
                 if not name or name.startswith('/') or name in parents or any(
                         parent not in dump for parent in parents):

@@ -405,7 +405,7 @@ class StaticHistory:
 AnyHistory = Union[History, StaticHistory]
 
 
-def load(dump: Mapping[str, Any]) -> Optional[AnyHistory]:
+def load(dump: Mapping[str, Any], cache_time: int) -> Optional[AnyHistory]:
     """Return the history whose data `dump` has returned; None: it had no samples."""
     stamps, parents, authority = array('q', dump['stamps']), [*dump['parents']], dump['authority']
     poses = np.array(dump['poses'], np.float64).reshape(-1, 7)
@@ -421,7 +421,7 @@ def load(dump: Mapping[str, Any]) -> Optional[AnyHistory]:
     if dump['is_static']:
         x, y, z, qx, qy, qz, qw = poses[0].tolist()
         return StaticHistory(parents[0], (x, y, z, qx, qy, qz, qw), authority)
-    history = History(2**64)  # which keeps all samples
+    history = History(cache_time)
     history.stamps, history.poses = stamps, bytearray(poses.tobytes())
     history.authority = authority
     history.parents, history.all_parents = parents, dict.fromkeys(parents)
