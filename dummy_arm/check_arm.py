@@ -10,7 +10,7 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.records import DOMAINS, Grade, Messages, MOST, Report, START, Verdict
+from dummy_arm.grading.records import DOMAINS, Grade, Messages, Report, START, Verdict
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.samples import Arm
 from puretf import TransformException, visible
@@ -30,6 +30,8 @@ _BAR = '{desc} {bar} {n} of {total}, {elapsed}'
 #: The default and the largest time to observe an arm (s). The default is more than a period of the
 #: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
 DEFAULT_TIME, _LONGEST = 25.0, 3600.0
+#: The largest number of transforms of a bag.
+_MOST = 1_000_000
 #: What `command` judges.
 _PROGRAMS, _BAG, _DRAWINGS, _ARM = 'programs', 'a bag', 'drawings', 'the arm that is running'
 
@@ -153,8 +155,8 @@ def _check_bag(option: BagOption) -> Report:
     with option.opened() as bag:
         for message in bag.messages():
             found.add(message)
-            if found.size > MOST:
-                raise CommandError(f'{bag.path} has more than {MOST} transforms: record an arm '
+            if found.size > _MOST:
+                raise CommandError(f'{bag.path} has more than {_MOST} transforms: record an arm '
                                    'for a minute only')
     return check(Arm(found))
 

@@ -8,8 +8,6 @@ from puretf import visible
 
 #: How long to wait for the first transform on /tf (s).
 START = 20.0
-#: The largest number of transforms that are judged.
-MOST = 1_000_000
 #: ROS domains whose ports are outside the range from which Linux takes ports for clients.
 DOMAINS = range(215, 232)
 
