@@ -114,8 +114,8 @@ class Viewer:
 
     def uuid(self, label: str) -> str:
         """Return the uuid of a control."""
-        return next(uuid for uuid, props in self.gui.items()
-                    if props.get('label') == label and 'hotkey' not in props)
+        uuid: str = self._control(label)['uuid']
+        return uuid
 
     def press(self, key: str) -> None:
         """Press a key of a command."""
@@ -134,8 +134,12 @@ class Viewer:
 
     def get(self, label: str, key: str) -> Any:
         """Return a property of a control; None: it is not there."""
-        return next((props.get(key) for props in self.gui.values()
-                     if props.get('label') == label and 'hotkey' not in props), None)
+        return self._control(label).get(key)
+
+    def _control(self, label: str) -> dict[str, Any]:
+        """Return the properties of a control, unlike those of a command; {}: it is not there."""
+        return next((props for props in self.gui.values()
+                     if props.get('label') == label and 'hotkey' not in props), {})
 
     def value(self, label: str) -> Any:
         """Return the value of a control; None: it is not there."""
