@@ -35,8 +35,7 @@ def _weighted(pair: Any, weights: NDArray[np.float64]) -> Any:
     return pair[0] + pair[1]
 
 
-def _weights_of_many(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]
-                     ) -> Any:
+def _weights_of_many(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]) -> Any:
     """
     Return the (2, n) weights of the two quaternions of n pairs.
 

@@ -35,9 +35,9 @@ _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
 #: The errors that a wrong value in a field can raise.
 _FIELD_ERRORS = (ArithmeticError, AttributeError, TypeError, struct.error)
+_KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 #: Creates a message without calling its constructor.
 _new: Any = object.__new__
-_KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
 
 def serialize(transforms: Iterable[TransformStamped]) -> bytes:

@@ -159,7 +159,6 @@ class FrameWatcher:
         """Remember when the frames were updated, as `placement` does for the latest time."""
         self._silences({frame.name: frame for frame in self._buffer.frames()})
 
-
     def _silences(self, frames: dict[str, Frame], until: int = 0) -> dict[str, float]:
         """
         Return how long frames have had no new stamp (s); 0.0 if a frame is static.
@@ -199,7 +198,7 @@ def without_gone(frames: dict[str, Frame], silences: dict[str, float]) -> dict[s
 
 
 def ages_of(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, float]
-         ) -> dict[str, float]:
+            ) -> dict[str, float]:
     """
     Compute the ages of frames (s): the longest silence on the path to the anchor of their tree.
 
