@@ -134,7 +134,16 @@ def _put(cameras: Sequence[Any], position: NDArray[np.float64], target: NDArray[
             each.position, each.look_at, each.fov, each.far = position, target, angle, far
 
 
+def set_pixel_ratio(camera: Any, answer: Optional[str]) -> None:
+    """Note how many pixels a browser has per pixel of CSS; without a number, it is 1."""
+    with suppress(TypeError, ValueError):
+        ratio = float(answer or 1.0)
+        if 0.1 < ratio < 10.0:
+            camera.pixel_ratio = ratio
+
+
 def page_size(camera: Any) -> tuple[float, float]:
-    """Return the width and the height of the page of a camera (pixels)."""
+    """Return the width and the height of the page of a camera (pixels of CSS)."""
+    ratio = getattr(camera, 'pixel_ratio', 1.0)
     width, height = (getattr(camera, name, 0) for name in ('image_width', 'image_height'))
-    return (width, height) if width > 0 and height > 0 else (2 * _HEIGHT, _HEIGHT)
+    return (width / ratio, height / ratio) if width > 0 and height > 0 else (2 * _HEIGHT, _HEIGHT)

@@ -17,7 +17,7 @@ from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree_and_findings import Findings, Tree
-from puretf_tools.view.viser_private import ACCESSIBLE
+from puretf_tools.view.viser_private import ADDITIONS
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0
@@ -39,7 +39,7 @@ class Panel:
         """Add the controls; `look_from` moves the camera to a view, or to the selected 'frame'."""
         gui = client.gui
         configure(gui, False)
-        gui.add_html(ACCESSIBLE)
+        gui.add_html(ADDITIONS)
         self._settings = settings
         self._options: list[str] = []  # of the dropdowns
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses

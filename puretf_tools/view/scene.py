@@ -15,6 +15,7 @@ from puretf_tools.inspection.forest import descend
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes_and_trail import Axes, axes, Display, lines, Pieces, rounded
 from puretf_tools.view.body import Body, BodyDisplay
+from puretf_tools.view.camera import page_size
 from puretf_tools.view.controls import change
 from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
@@ -191,8 +192,9 @@ class Scene:
                 f'{WORLD}/{name}', points, colours, thickness=width, thickness_units='screen')
 
     async def _on_click(self, clicks: 'deque[str]', event: viser.SceneClickEvent) -> None:
-        camera, (x, y) = event.client.camera, event.screen_pos
-        if name := self._at(x * camera.image_width, y * camera.image_height, camera):
+        camera = event.client.camera
+        x, y = np.multiply(event.screen_pos, page_size(camera))
+        if name := self._at(x, y, camera):
             clicks.append(name)
 
     def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:
@@ -322,7 +324,7 @@ def _pixels(points: NDArray[np.float64], camera: viser.CameraHandle) -> NDArray[
     """Return where a camera sees points (n, 3) of the scene: column, row (pixels), depth (m)."""
     # The camera looks along its z axis; its y axis points down (as in viser's documentation).
     x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points - camera.position).T
-    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
+    width, height = page_size(camera)
+    focal = height / 2 / np.tan(camera.fov / 2)
     with np.errstate(all='ignore'):
-        return np.column_stack([camera.image_width / 2 + focal * x / z,
-                                camera.image_height / 2 + focal * y / z, z])
+        return np.column_stack([width / 2 + focal * x / z, height / 2 + focal * y / z, z])

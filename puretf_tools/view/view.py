@@ -17,7 +17,7 @@ from puretf import SECOND, TransformBuffer
 from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes_and_trail import Display, Trail
-from puretf_tools.view.camera import FirstCamera, look_at, VIEWS
+from puretf_tools.view.camera import FirstCamera, look_at, set_pixel_ratio, VIEWS
 from puretf_tools.view.controls import change, Settings
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
@@ -26,7 +26,7 @@ from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
-from puretf_tools.view.viser_private import receive_at_once, Server
+from puretf_tools.view.viser_private import PIXEL_RATIO, receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
@@ -306,6 +306,7 @@ class Pace:
         self.is_waiting = False
         while move := self._moves.get():
             with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
-                self._client.local_storage.get_item('handled')
+                set_pixel_ratio(self._client.camera,
+                                self._client.local_storage.get_item(PIXEL_RATIO))
             move()
             self.is_waiting = False

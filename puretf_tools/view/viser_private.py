@@ -12,6 +12,7 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
   poses by `numpy.allclose`, which takes most of the time, and ignores small moves far away.
 - `get_message_buffer().max_window_size` of `_websock_connection` limits the number of messages
   that a client receives at once.
+- The keys of a browser's storage begin with `viser-user:`.
 """
 
 from collections.abc import Callable
@@ -55,9 +56,12 @@ HANDLES = f'{WORLD}/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
 
+#: The key in a browser's storage of the number of its pixels per pixel of CSS.
+PIXEL_RATIO = 'pixel ratio'
 #: HTML by which all controls have a name, and texts enough contrast: viser's fields and sliders do
 #: not belong to their labels, its buttons with an icon have no text, and its greys are too light.
-ACCESSIBLE = """<style onload="const fields = 'input, textarea, [role=slider]', name = () => {
+#: It also stores the ratio of pixels, which viser does not report.
+ADDITIONS = """<style onload="const fields = 'input, textarea, [role=slider]', name = () => {
   for (const label of document.querySelectorAll('label[for]')) {
     let row = label;
     while (row.parentElement && !row.querySelector(fields)) row = row.parentElement;
@@ -70,9 +74,14 @@ ACCESSIBLE = """<style onload="const fields = 'input, textarea, [role=slider]', 
     if (name || button.matches('.mantine-CloseButton-root'))
       button.setAttribute('aria-label', button.textContent || name || 'close');
   }
+}, measure = () => {
+  const scene = document.querySelector('canvas[data-engine]');
+  if (scene?.clientWidth)
+    localStorage['viser-user:pixel ratio'] = scene.width / scene.clientWidth;
 };
 name();
-new MutationObserver(name).observe(document.body, {childList: true, subtree: true});">
+new MutationObserver(() => { name(); measure(); }).observe(
+  document.body, {childList: true, subtree: true});">
 :root[data-mantine-color-scheme=light] { --mantine-color-dimmed: #595f66 }
 :root[data-mantine-color-scheme=dark] { --mantine-color-dimmed: #a9afb6 }
 </style>"""

@@ -904,13 +904,14 @@ def test_the_first_camera(page, clock):
     there = shown.server.initial_camera.position.tolist()
     wide = {**CAMERA, 'position': there, 'look_at': target}
     viewer.last.clear()
-    viewer.send({**wide, 'image_width': 390, 'image_height': 800})
+    viewer.storage['pixel ratio'] = '3'
+    viewer.send({**wide, 'image_width': 1170, 'image_height': 2400})
     shown.until(lambda: viewer.distance() > 30.0)  # a narrow page
     shown.step()
     viewer.last.clear()
     viewer.send({**wide, 'position': [1.0, 2.0, 3.0]})  # the viewer moves it
     shown.step()
-    viewer.send({**wide, 'position': [1.0, 2.0, 3.0], 'image_width': 390, 'image_height': 800})
+    viewer.send({**wide, 'position': [1.0, 2.0, 3.0], 'image_width': 1170, 'image_height': 2400})
     for _ in range(3):
         shown.step()
     assert not viewer.distance()
