@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import fcntl
 from functools import partial
 import re
 import shutil
@@ -23,7 +24,8 @@ CHROMIUM = next(filter(None, map(shutil.which, (
 if CHROMIUM is None:
     pytest.skip('there is no Chromium: apt install chromium', allow_module_level=True)
 
-_TIMEOUT = 60.0  # s; drawing without a GPU is slow
+_TIMEOUT = 180.0  # s; drawing without a GPU is slow
+_FEWER_PIXELS = '/?fixedDpr=0.5'  # a setting of viser: drawing is twice as fast
 _PAUSE = partial(time.sleep, 0.05)
 _NOTHING_BEYOND_LOOPBACK = (
     '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--disable-background-networking',
@@ -132,7 +134,7 @@ class BrowserPage:
         page.on('websocket', lambda socket: self.hosts.add(urlsplit(socket.url).hostname))
         page.on('pageerror', lambda error: self.faults.append(str(error)))
         page.on('console', self._note)
-        page.goto(url)
+        page.goto(url + _FEWER_PIXELS * url.startswith('http'))
 
     def _note(self, message: 'ConsoleMessage') -> None:
         if message.type == 'error':
@@ -226,8 +228,13 @@ class BrowserPage:
 
 @contextmanager
 def pages() -> Iterator[Callable[..., BrowserPage]]:
-    """Start a browser; return a function that opens a page, which must have no faults."""
-    with playwright.sync_playwright() as started:
+    """
+    Start a browser; return a function that opens a page, which must have no faults.
+
+    There is one browser at a time, whatever the number of workers: drawing takes all cores.
+    """
+    with open(__file__) as lock, playwright.sync_playwright() as started:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         browser = started.chromium.launch(executable_path=CHROMIUM, args=[
             '--no-sandbox', *_NOTHING_BEYOND_LOOPBACK, *_IN_SOFTWARE])
         opened: list[BrowserPage] = []
