@@ -170,17 +170,7 @@ def test_a_bag_is_read_once(start, tmp_path, kind, name):
     assert size * 0.8 < large - small < size * 1.2
 
 
-@pytest.fixture
-def open_arm(start):
-    """A function that opens the page of a running arm in a browser; it must have no faults."""
-    from browser import pages
-    with pages() as open_url:
-        start(*ARM)
-        view = start(*tool('web_view'))
-        yield lambda *size: open_url(view.line_with('look at http').split()[-1], *size)
-
-
-def test_the_waving_arm_in_a_browser(ros, open_arm, request, tmp_path):
+def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
     """Its frames appear and move, and the numbers are those of a lookup."""
     import imageio.v3 as iio
     from rclpy.duration import Duration
@@ -188,7 +178,8 @@ def test_the_waving_arm_in_a_browser(ros, open_arm, request, tmp_path):
     from puretf import Buffer, TransformListener
     buffer = Buffer(Duration(seconds=600), ros.node)
     listener = TransformListener(buffer, ros.node)
-    page = open_arm()
+    start(*ARM)
+    page = browse(start(*tool('web_view')))
 
     # A picture in which names are drawn one picture later than the axes is left out.
     scene = page.until(lambda: (scene := page.scene_with(*FRAMES)).begins.shape == (3, 6, 3)

@@ -3,21 +3,12 @@
 import signal
 import socket
 
-from browser import pages
 from endings import without_library_lines
 from processes import ARM, tool
-import pytest
 
 VIEW = tool('web_view')
 #: Frames whose names do not cover each other for long, whatever the arm does.
 FRAMES = 'map, base_link', 'joint_1', 'end_effector'
-
-
-@pytest.fixture
-def open_page():
-    """A function that opens the page of a process or an address; it must have no faults."""
-    with pages() as open_url:
-        yield lambda process: open_url(process if isinstance(process, str) else url_of(process))
 
 
 def url_of(process):
@@ -25,7 +16,7 @@ def url_of(process):
     return process.line_with('look at http').split()[-1]
 
 
-def test_several_viewers_on_the_next_free_port(start, open_page):
+def test_several_viewers_on_the_next_free_port(start, browse):
     """Closing or reloading one of two pages, or ending one of two servers, harms no other."""
     start(*ARM)
     with socket.socket() as taken:
@@ -39,7 +30,7 @@ def test_several_viewers_on_the_next_free_port(start, open_page):
         views = [start(*VIEW), start(*VIEW)]
         urls = [url_of(view) for view in views]
     assert len({*urls, *used}) == 2 + len(used)
-    first, second = open_page(urls[0]), open_page(urls[0])
+    first, second = browse(urls[0]), browse(urls[0])
     first.scene_with(*FRAMES)
     first.page.close()
     second.scene_with(*FRAMES)

@@ -4,7 +4,6 @@ from math import pi
 import socket
 import time
 
-from browser import pages
 import imageio.v3 as iio
 import numpy as np
 from processes import ARM, tool
@@ -17,13 +16,12 @@ from puretf import TransformBroadcaster
 FRAMES = 'map, base_link', 'joint_1', 'end_effector'
 
 
-def test_the_body_of_the_arm_in_a_browser(start, tmp_path):
+def test_the_body_of_the_arm_in_a_browser(start, browse, tmp_path):
     """Its links are drawn at their frames, and move; the checkbox hides them."""
     start(*ARM)
     view = start(*tool('web_view'))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1])
-        look_at_the_body(page, tmp_path / 'body.png')
+    page = browse(view)
+    look_at_the_body(page, tmp_path / 'body.png')
 
 
 def look_at_the_body(page, picture):
@@ -81,61 +79,58 @@ PICTURES = """() => {
 }"""
 
 
-def test_axes_and_bodies_are_drawn_together(start):
+def test_axes_and_bodies_are_drawn_together(start, browse):
     """In each picture of a slow browser, all are from the same update."""
     start(*ARM)
     view = start(*tool('web_view'))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], 1600, 1200)
-        page.until(lambda: len(page.scene_with(*FRAMES).bodies) == 5)
-        page.page.evaluate(PICTURES)
-        page.until(lambda: page.page.evaluate('window.pictures.length') >= 30)
-        apart, *place = np.array(page.page.evaluate('window.pictures')).T
+    page = browse(view, 1600, 1200)
+    page.until(lambda: len(page.scene_with(*FRAMES).bodies) == 5)
+    page.page.evaluate(PICTURES)
+    page.until(lambda: page.page.evaluate('window.pictures.length') >= 30)
+    apart, *place = np.array(page.page.evaluate('window.pictures')).T
     moves = np.linalg.norm(np.diff(place, axis=1), axis=0)
     assert moves.max() > 0.01
     assert np.median(apart) < 1e-3
     assert np.mean(apart < 1e-3) > 0.8
 
 
-def test_a_file_that_plays_without_a_server(start, tmp_path):
+def test_a_file_that_plays_without_a_server(start, browse, tmp_path):
     """It shows the live arm move, and asks no host."""
     start(*ARM)
     path = tmp_path / 'arm.html'
     process = start(*tool('web_view', '--export', str(path), '--time', '4'))
     assert process.line().startswith(f'wrote {path}: ')
     assert process.exit_code() == 0
-    with pages() as open_url:
-        page = open_url(path.as_uri())
-        scene = page.until(lambda: (
-            scene := page.scene_with(*FRAMES)).begins.shape == (3, 6, 3) and scene)
-        hand = 'end_effector'
-        page.until(lambda: np.linalg.norm(
-            page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)
-        page.until(lambda: len(page.scene().trail) > 20)
-        page.until(lambda: len(page.scene().bodies) == 5)
-        page.page.screenshot(path=tmp_path / 'web_view_export.png')
-        assert page.hosts <= {None, ''}
+    page = browse(path.as_uri())
+    scene = page.until(lambda: (
+        scene := page.scene_with(*FRAMES)).begins.shape == (3, 6, 3) and scene)
+    hand = 'end_effector'
+    page.until(lambda: np.linalg.norm(
+        page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)
+    page.until(lambda: len(page.scene().trail) > 20)
+    page.until(lambda: len(page.scene().bodies) == 5)
+    page.page.screenshot(path=tmp_path / 'web_view_export.png')
+    assert page.hosts <= {None, ''}
 
 
-def test_a_time_of_a_bag_in_a_browser(start, tmp_path):
+def test_a_time_of_a_bag_in_a_browser(start, browse, tmp_path):
     """It is typed, the frames are those of this time, and the page says what is wrong with it."""
     bags = pytest.importorskip('bags')
     bag = bags.make(tmp_path / 'walk', 'mcap', bags.walk())
     view = start(*tool('web_view', '--bag', str(bag)))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1])
-        page.until(lambda: page.value('fixed') == 'map')
-        page.fill('Go to', '+3.5')
-        page.until(lambda: page.value('fixed-time') == '+3.5 s, 103.500000000')
-        assert page.page.inner_text('[data-text="time"]') == '+3.5 s, 103.500000000'
-        assert page.numbers('fixed-translation') == [4.5, 2.0, 3.0]
-        page.fill('Go to', '3.5')
-        page.until(lambda: page.page.inner_text('[data-text="problem"]').endswith(
-            'outside of the bag, whose transforms are from 100.000000000 to +10 s, 110.000000000'))
-        page.page.screenshot(path=tmp_path / 'web_view_bag.png')
+    page = browse(view)
+    page.until(lambda: page.value('fixed') == 'map')
+    page.fill('Go to', '+3.5')
+    page.until(lambda: page.value('fixed-time') == '+3.5 s, 103.500000000')
+    assert page.page.inner_text('[data-text="time"]') == '+3.5 s, 103.500000000'
+    assert page.numbers('fixed-translation') == [4.5, 2.0, 3.0]
+    page.fill('Go to', '3.5')
+    page.until(lambda: page.page.inner_text('[data-text="problem"]').endswith(
+        'outside of the bag, whose transforms are from 100.000000000 to +10 s, 110.000000000'))
+    page.page.screenshot(path=tmp_path / 'web_view_bag.png')
 
 
-def test_time_that_goes_back_in_a_browser(ros, start, tmp_path):
+def test_time_that_goes_back_in_a_browser(ros, start, browse, tmp_path):
     """The page begins again by itself if a publisher goes back, or by the button 'reset'."""
     offsets, broadcaster = {'hand': 0.0, 'tool': 0.0}, TransformBroadcaster(ros.node)
 
@@ -147,8 +142,8 @@ def test_time_that_goes_back_in_a_browser(ros, start, tmp_path):
 
     ros.node.create_timer(0.02, send)
     view = start(*tool('web_view'), domain=ros.domain)
-    with ros.spinning(), pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1])
+    with ros.spinning():
+        page = browse(view)
 
         def moves():
             before = page.scene_with('hand', 'tool').names
@@ -192,12 +187,12 @@ class Robot:
         self.second.sendTransform(stamped('base_link', LINKS[3], now, 0.5))
 
 
-def test_the_tree_and_the_findings_in_a_browser(ros, start, tmp_path):
+def test_the_tree_and_the_findings_in_a_browser(ros, start, browse, tmp_path):
     """A viewer finds a misspelt name and a second publisher, and works with the rows."""
     Robot(ros)
     view = start(*tool('web_view'), domain=ros.domain)
-    with ros.spinning(), pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1])
+    with ros.spinning():
+        page = browse(view)
         for name, mark in ('base_lnk', '⚠ similar_name'), (LINKS[3], '✖ two_publishers'):
             page.until(lambda: mark in page.rows().get(name, ''))  # noqa: B023
         page.open_tab('Findings')
@@ -223,66 +218,63 @@ def test_the_tree_and_the_findings_in_a_browser(ros, start, tmp_path):
         page.until(lambda: page.rows().keys() == {'map', 'base_link', 'base_lnk', 'laser'})
 
 
-def test_a_view_that_stays_and_is_sent(start, tmp_path):
+def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
     """It is there after a reload and a restart; another browser, and a file, show the same."""
     start(*ARM)
     with socket.create_server(('127.0.0.1', 0)) as free:  # no other test takes it meanwhile
         port = free.getsockname()[1]
 
     def serve(*arguments):
-        view = start(*tool('web_view', *arguments))
-        return view, view.line_with('look at http').split()[-1]
+        return start(*tool('web_view', *arguments))
 
-    view, url = serve('--port', str(port))
-    with pages() as open_url:  # each page has a storage of its own, as those of two browsers
-        page = open_url(url)
-        page.scene_with(*FRAMES)
+    view = serve('--port', str(port))
+    page = browse(view)
+    page.scene_with(*FRAMES)
 
-        def set_up():
-            page.choose('Fixed frame', 'joint_1')
-            page.button('joint_2')
-            page.button('hide its branch')
-            page.page.keyboard.press('t')
-            page.open_tab('Display')
-            page.tick('Grid', False)
-
-        def shows(page):
-            names = page.scene().names.keys()  # from the top, one of the two covers the other
-            return names and names <= {'map, base_link', 'joint_1'}
-
-        set_up()
-        page.until(lambda: shows(page))
-        stored = 'Object.values(localStorage).join()'
-        page.until(lambda: (text := page.page.evaluate(stored)) and all(
-            part in text for part in ('"Fixed frame": "joint_1"', '"joint_2"', '"Grid": false',
-                                      '0.1]')))
-        page.page.reload()
-        page.until(lambda: shows(page))
-        view.end_normally()
-        serve('--port', str(port))
-        page.until(lambda: shows(page), pause=lambda: page.page.wait_for_timeout(200))
+    def set_up():
+        page.choose('Fixed frame', 'joint_1')
+        page.button('joint_2')
+        page.button('hide its branch')
+        page.page.keyboard.press('t')
         page.open_tab('Display')
-        page.button('Copy view')
-        page.until(lambda: page.page.locator('[data-text="view"]').count())
-        text = page.page.inner_text('[data-text="view"]')
-        other = open_url(url)
-        other.scene_with(*FRAMES)
-        other.open_tab('Display')
-        other.fill('Paste view', text)
-        other.until(lambda: shows(other))
-        other.page.close()
-        page.page.screenshot(path=tmp_path / 'view.png')
-        page.button('Reset view')
-        page.scene_with('end_effector')
-        page.page.close()
-        (tmp_path / 'view.json').write_text(text)
-        _, url = serve('--view', str(tmp_path / 'view.json'))
-        third = open_url(url)
-        third.until(lambda: shows(third))
-        page.faults.clear()  # the connection that was lost
+        page.tick('Grid', False)
+
+    def shows(page):
+        names = page.scene().names.keys()  # from the top, one of the two covers the other
+        return names and names <= {'map, base_link', 'joint_1'}
+
+    set_up()
+    page.until(lambda: shows(page))
+    stored = 'Object.values(localStorage).join()'
+    page.until(lambda: (text := page.page.evaluate(stored)) and all(
+        part in text for part in ('"Fixed frame": "joint_1"', '"joint_2"', '"Grid": false',
+                                  '0.1]')))
+    page.page.reload()
+    page.until(lambda: shows(page))
+    view.end_normally()
+    view = serve('--port', str(port))
+    page.until(lambda: shows(page), pause=lambda: page.page.wait_for_timeout(200))
+    page.open_tab('Display')
+    page.button('Copy view')
+    page.until(lambda: page.page.locator('[data-text="view"]').count())
+    text = page.page.inner_text('[data-text="view"]')
+    other = browse(view)
+    other.scene_with(*FRAMES)
+    other.open_tab('Display')
+    other.fill('Paste view', text)
+    other.until(lambda: shows(other))
+    other.page.close()
+    page.page.screenshot(path=tmp_path / 'view.png')
+    page.button('Reset view')
+    page.scene_with('end_effector')
+    page.page.close()
+    (tmp_path / 'view.json').write_text(text)
+    third = browse(serve('--view', str(tmp_path / 'view.json')))
+    third.until(lambda: shows(third))
+    page.faults.clear()  # the connection that was lost
 
 
-def test_the_keys_and_the_bar_of_a_bag(start, tmp_path):
+def test_the_keys_and_the_bar_of_a_bag(start, browse, tmp_path):
     """They pause, step and go to a finding; the bag waits for the first viewer."""
     bags = pytest.importorskip('bags')
     walk = [message for message in bags.walk(20) if not 105.5 < message[1] / bags.S < 108.5]
@@ -290,105 +282,102 @@ def test_the_keys_and_the_bar_of_a_bag(start, tmp_path):
     view = start(*tool('web_view', '--bag', str(bag)))
     url = view.line_with('look at http').split()[-1]
     time.sleep(2.0)
-    with pages() as open_url:
-        page = open_url(url)
-        position = '[data-text="time"]'
-        page.until(lambda: page.page.inner_text(position))
-        assert float(page.page.inner_text(position).split()[0]) < 15.0
-        page.page.keyboard.press('p')
-        page.until(lambda: page.page.get_by_role('button', name='play', exact=True).count())
-        page.open_tab('Findings')
-        page.button('gap: base_link')
-        page.until(lambda: page.page.inner_text(position) == '+5.4 s, 105.400000000')
-        for key, stamp in ('n', '108.500000000'), ('b', '105.400000000'), ('b', '105.300000000'):
-            page.page.keyboard.press(key)
-            page.until(lambda: page.page.inner_text(position).endswith(stamp))  # noqa: B023
-        page.button('step')
-        page.page.screenshot(path=tmp_path / 'bar.png')
+    begin = time.monotonic()
+    page = browse(url)
+    position = '[data-text="time"]'
+    page.until(lambda: page.page.inner_text(position))
+    assert float(page.page.inner_text(position).split()[0]) < time.monotonic() - begin
+    page.page.keyboard.press('p')
+    page.until(lambda: page.page.get_by_role('button', name='play', exact=True).count())
+    page.open_tab('Findings')
+    page.button('gap: base_link')
+    page.until(lambda: page.page.inner_text(position) == '+5.4 s, 105.400000000')
+    for key, stamp in ('n', '108.500000000'), ('b', '105.400000000'), ('b', '105.300000000'):
+        page.page.keyboard.press(key)
+        page.until(lambda: page.page.inner_text(position).endswith(stamp))  # noqa: B023
+    page.button('step')
+    page.page.screenshot(path=tmp_path / 'bar.png')
 
 
-def test_a_pair_in_a_browser(start, tmp_path):
+def test_a_pair_in_a_browser(start, browse, tmp_path):
     """It is measured by buttons and by Shift and a click; a line connects the frames."""
     start(*ARM)
     view = start(*tool('web_view'))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1])
-        page.scene_with(*FRAMES)
-        page.open_tab('Robot')
-        page.button('Centre')  # so that the name of the hand stays visible
-        page.until(lambda: np.allclose(page.scene_with('end_effector').names['end_effector'],
-                                       [0.9, 0.0, 0.3], atol=1e-3))
-        page.open_tab('Pair')
-        page.button('joint_2')
-        page.until(lambda: page.value('parent') == 'joint_1')
-        page.button('selected as A')
-        page.button('map')
-        page.until(lambda: 'is a root' in page.page.inner_text('[data-text="details"]'))
-        page.button('selected as B')
-        page.until(lambda: 'distance' in page.page.inner_text('[data-text="pair"]'))
-        page.until(lambda: len(page.scene().pair) == 1)
-        page.button('swap')
-        page.until(lambda: page.page.get_by_role(
-            'combobox', name='A', exact=True).input_value() == 'map')
-        page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
-        page.page.keyboard.down('Shift')
-        scene = page.scene()
-        hand = scene.index('end_effector')
-        page.click((scene.begins[2, hand] + scene.ends[2, hand]) / 2)
-        page.page.keyboard.up('Shift')
-        page.until(lambda: page.page.get_by_role(
-            'combobox', name='B', exact=True).input_value() == 'end_effector')
-        page.page.screenshot(path=tmp_path / 'pair.png')
+    page = browse(view)
+    page.scene_with(*FRAMES)
+    page.open_tab('Robot')
+    page.button('Centre')  # so that the name of the hand stays visible
+    page.until(lambda: np.allclose(page.scene_with('end_effector').names['end_effector'],
+                                   [0.9, 0.0, 0.3], atol=1e-3))
+    page.open_tab('Pair')
+    page.button('joint_2')
+    page.until(lambda: page.value('parent') == 'joint_1')
+    page.button('selected as A')
+    page.button('map')
+    page.until(lambda: 'is a root' in page.page.inner_text('[data-text="details"]'))
+    page.button('selected as B')
+    page.until(lambda: 'distance' in page.page.inner_text('[data-text="pair"]'))
+    page.until(lambda: len(page.scene().pair) == 1)
+    page.button('swap')
+    page.until(lambda: page.page.get_by_role(
+        'combobox', name='A', exact=True).input_value() == 'map')
+    page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
+    page.page.keyboard.down('Shift')
+    scene = page.scene()
+    hand = scene.index('end_effector')
+    page.click((scene.begins[2, hand] + scene.ends[2, hand]) / 2)
+    page.page.keyboard.up('Shift')
+    page.until(lambda: page.page.get_by_role(
+        'combobox', name='B', exact=True).input_value() == 'end_effector')
+    page.page.screenshot(path=tmp_path / 'pair.png')
 
 
-def test_everybody_can_use_the_page(start):
+def test_everybody_can_use_the_page(start, browse):
     """By axe, no tab has a serious fault, be it light or dark; the keyboard reaches a row."""
     axe = pytest.importorskip('axe_playwright_python.sync_playwright').Axe()
     start(*ARM)
     view = start(*tool('web_view'))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1])
-        page.scene_with(*FRAMES)
-        for is_dark, tabs in (
-                (False, ('Findings', 'Tree', 'Pair', 'By hand', 'Robot', 'Frame')),
-                (True, ('Tree', 'Robot'))):
-            page.open_tab('Display')
-            page.tick('Dark', is_dark)
-            for tab in 'Display', *tabs:
-                page.open_tab(tab)
-                page.page.wait_for_timeout(500)
-                faults = [(each['id'], [node['html'] for node in each['nodes']])
-                          for each in axe.run(page.page).response['violations']
-                          if each['impact'] in ('serious', 'critical')]
-                assert not faults
-        row = page.page.get_by_role('button', name='▾ joint_2', exact=False).first
-        row.focus()
-        page.page.keyboard.press('Enter')
-        page.until(lambda: page.value('parent') == 'joint_1')
+    page = browse(view)
+    page.scene_with(*FRAMES)
+    for is_dark, tabs in (
+            (False, ('Findings', 'Tree', 'Pair', 'By hand', 'Robot', 'Frame')),
+            (True, ('Tree', 'Robot'))):
+        page.open_tab('Display')
+        page.tick('Dark', is_dark)
+        for tab in 'Display', *tabs:
+            page.open_tab(tab)
+            page.page.wait_for_timeout(500)
+            faults = [(each['id'], [node['html'] for node in each['nodes']])
+                      for each in axe.run(page.page).response['violations']
+                      if each['impact'] in ('serious', 'critical')]
+            assert not faults
+    row = page.page.get_by_role('button', name='▾ joint_2', exact=False).first
+    row.focus()
+    page.page.keyboard.press('Enter')
+    page.until(lambda: page.value('parent') == 'joint_1')
 
 
-def test_the_page_on_a_narrow_screen(ros, listening, start, tmp_path):
+def test_the_page_on_a_narrow_screen(ros, listening, start, browse, tmp_path):
     """The panels are sections at the foot; a frame is placed by hand, and joints are moved."""
     start(*ARM)
     view = start(*tool('web_view'))
-    with pages() as open_url:
-        page = open_url(view.line_with('look at http').split()[-1], 390, 800)
-        page.scene_with('end_effector')
-        page.open_tab('By hand')
-        page.fill('New frame', 'camera')
-        page.until(lambda: 'id camera' in command(page))
-        page.choose('Parent', 'joint_1')
-        page.until(lambda: 'frame-id joint_1' in command(page))
-        page.tick('Publish', True)
-        ros.until(lambda: 'camera' in listening.frame_names())
-        page.open_tab('Frame')
-        page.choose('Frame', 'camera')
-        page.until(lambda: page.value('publisher') == '/web_view')
-        move_the_arm(page, ros, listening)
-        page.page.get_by_role('button', name='Expand panel Tree').click()
-        page.button('joint_2')
-        page.until(lambda: page.value('parent') == 'joint_1')
-        page.page.screenshot(path=tmp_path / 'web_view_390.png')
+    page = browse(view, 390, 800)
+    page.scene_with('end_effector')
+    page.open_tab('By hand')
+    page.fill('New frame', 'camera')
+    page.until(lambda: 'id camera' in command(page))
+    page.choose('Parent', 'joint_1')
+    page.until(lambda: 'frame-id joint_1' in command(page))
+    page.tick('Publish', True)
+    ros.until(lambda: 'camera' in listening.frame_names())
+    page.open_tab('Frame')
+    page.choose('Frame', 'camera')
+    page.until(lambda: page.value('publisher') == '/web_view')
+    move_the_arm(page, ros, listening)
+    page.page.get_by_role('button', name='Expand panel Tree').click()
+    page.button('joint_2')
+    page.until(lambda: page.value('parent') == 'joint_1')
+    page.page.screenshot(path=tmp_path / 'web_view_390.png')
 
 
 def command(page):

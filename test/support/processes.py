@@ -248,3 +248,16 @@ def start(domain_id: int) -> Iterator[Callable[..., Process]]:
     for process in processes:
         process.close()
         print(process.output)  # pytest shows it if the test failed
+
+
+@pytest.fixture
+def browse() -> Iterator[Callable[..., Any]]:
+    """
+    A function that opens the page of a process, or an address, in a browser.
+
+    The page must have no faults. No other test has a browser meanwhile.
+    """
+    from browser import pages
+    with pages() as open_page:
+        yield lambda page, *size: open_page(
+            page if isinstance(page, str) else page.line_with('look at http').split()[-1], *size)
