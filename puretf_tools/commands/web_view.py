@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-import json
 from math import ceil
 from pathlib import Path
 import sys
@@ -40,7 +39,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
     if duration is not None and export is None:
         raise UsageError('--time needs --export')
-    show = partial(_show, host, port, meshes, '' if view is None else _read_view(view))
+    show = partial(_show, host, port, meshes, view)
     path = None if export is None else path_to_write(export, ['.html'])
     seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if bag:
@@ -63,20 +62,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             else:
                 show(live)
     return 0
-
-
-def _read_view(path: str) -> str:
-    """Read a view, as the page's "Copy view" writes it."""
-    try:
-        text = Path(path).read_text(encoding='utf-8').strip()
-        if isinstance(json.loads(text), dict):
-            return text
-    except OSError as error:
-        raise CommandError(f'cannot read {path}: {error.strerror}') from None
-    except (ValueError, RecursionError):
-        pass
-    raise CommandError(f'{path} is no view: press "Copy view" on the page, and save the line '
-                       'that it shows in a file')
 
 
 def _show_bag(bag: BagOption, feed: BagFeed, show: Callable[..., None]) -> None:
@@ -153,12 +138,21 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
     print(f'wrote {visible(str(path))}: {duration:.1f} s')
 
 
-def _show(host: str, port: Optional[int], meshes: Sequence[str], view: str, feed: Feed,
+def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[str], feed: Feed,
           on_served: Callable[[], object] = lambda: None) -> None:
     from puretf_tools.view.server import serve  # first, since it says if viser is missing
+    from puretf_tools.view.controls import Settings  # isort: skip
     from puretf_tools.view.view import show
+    first = ''
+    if view is not None:
+        try:
+            first = Path(view).read_text('utf-8', 'replace').strip()
+        except OSError as error:
+            raise CommandError(f'cannot read {view}: {error.strerror}') from None
+        if why := Settings().restore(first):
+            raise CommandError(f'{view}: {why}')
     with suppress(KeyboardInterrupt), serve(host, port) as server:  # Ctrl-C is its normal end
-        show(feed, server, meshes, view, on_served)
+        show(feed, server, meshes, first, on_served)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

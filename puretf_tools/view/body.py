@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from typing import Any, NamedTuple, Optional
 
@@ -107,8 +108,7 @@ class Body:
         self._scene, self._meshes, self._on_click, self._put = scene, meshes, on_click, put
         self._descriptions: Mapping[str, DescriptionOrWhy] = {}
         self._robots: dict[str, _Robot] = {}  # by topic
-        #: By the name of a node, which must not depend on those of links: these can have slashes.
-        self._owners: dict[str, tuple[_Robot, _Part]] = {}
+        # The name of a node must not depend on that of its link, which can have slashes.
         self._next_node = self._left = 0  # how many shapes this update may still add
         self._opacity = 1.0
         #: What the panel says of descriptions, and of each mesh that cannot be drawn; another
@@ -155,8 +155,6 @@ class Body:
                     if part.node is not None:
                         part.node.remove()
                 del self._robots[topic]
-        self._owners = {name: owner for name, owner in self._owners.items()
-                        if owner[0].topic in self._robots}
         for topic, description in descriptions.items():
             if isinstance(description, Description) and topic not in self._robots:
                 self._robots[topic] = _Robot(topic, description)
@@ -230,15 +228,12 @@ class Body:
             handle = self._scene.add_cylinder(name, radius=size[0], height=size[1], **common)
         else:
             handle = self._scene.add_icosphere(name, radius=size[0], **common)
-        self._owners[name] = robot, part
-        handle.on_click(self._click)
+        handle.on_click(partial(self._click, robot, part))
         part.drawn.append((handle, alpha))
         return True
 
-    async def _click(self, event: 'viser.SceneNodePointerEvent[Any]') -> None:
-        if owner := self._owners.get(event.target.name):
-            robot, part = owner
-            self._on_click(robot.prefix + part.link)
+    async def _click(self, robot: _Robot, part: _Part, _: Any) -> None:
+        self._on_click(robot.prefix + part.link)
 
 
 def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:

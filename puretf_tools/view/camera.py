@@ -135,11 +135,9 @@ def _put(cameras: Sequence[Any], position: NDArray[np.float64], target: NDArray[
 
 
 def set_pixel_ratio(camera: Any, answer: Optional[str]) -> None:
-    """Note how many pixels a browser has per pixel of CSS; without a number, it is 1."""
+    """Note how many pixels a browser has per pixel of CSS; if it has not said so, 1."""
     with suppress(TypeError, ValueError):
-        ratio = float(answer or 1.0)
-        if 0.1 < ratio < 10.0:
-            camera.pixel_ratio = ratio
+        camera.pixel_ratio = max(0.1, min(float(answer or 1.0), 10.0))
 
 
 def page_size(camera: Any) -> tuple[float, float]:

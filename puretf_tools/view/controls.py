@@ -76,7 +76,7 @@ class Settings:
         with suppress(ValueError, RecursionError):
             values = json.loads(text)
         if not isinstance(values, dict):
-            return 'this is no view: paste the line that "Copy view" shows'
+            return 'this is no view: copy the line that "Copy view" shows'
         self._wanted = values
         for name in values:
             self._restore(name)

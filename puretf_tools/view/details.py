@@ -80,13 +80,11 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
         rows += _pose('fixed', feed, placement.stamps[i], placement.poses[i, :3],
                       placement.poses[i, 3:])
     if hole := feed.hole(target, name):
-        rows += ('<tr><td colspan="2" style="padding-top: .4em">'
-                 f'<span data-value="hole">{escaped(hole)}</span></td></tr>')
+        rows += _wide(f'<span data-value="hole">{escaped(hole)}</span>')
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
     if target != placement.fixed and (why := buffer.why_not(placement.fixed, name, 0)):
-        rows += ('<tr><td colspan="2" style="padding-top: .4em">not in the fixed frame: '
-                 f'<span data-value="why">{escaped(why)}</span></td></tr>')
+        rows += _wide(f'not in the fixed frame: <span data-value="why">{escaped(why)}</span>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'
 
 
@@ -118,8 +116,11 @@ def _pose(prefix: str, feed: Feed, stamp: int, translation: NDArray[np.float64],
 
 def _title(key: str, name: str, text: str) -> str:
     """Return a heading row: a text, then the name of a frame in bold; the name may be ''."""
-    return (f'<tr><td colspan="2" style="padding-top: .4em">{text} '
-            f'<b data-value="{key}">{escaped(name)}</b></td></tr>')
+    return _wide(f'{text} <b data-value="{key}">{escaped(name)}</b>')
+
+
+def _wide(text: str) -> str:
+    return f'<tr><td colspan="2" style="padding-top: .4em">{text}</td></tr>'
 
 
 def _row(key: str, label: str, value: str) -> str:
@@ -135,13 +136,7 @@ def command_line(parent: str, child: str, numbers: Iterable[tuple[str, float]]) 
     """Return the command that publishes a transform; numbers: by option, such as x or yaw."""
     frames = ('frame-id', parent), ('child-frame-id', child)
     return ' '.join(['static_transform_publisher', *(
-        f'--{option} {decimal(value)}' for option, value in numbers if value), *(
+        f'--{option} {round(value, 9)}' for option, value in numbers if value), *(
         # The parser takes a value that begins with a hyphen only after '='.
         f'--{option}{"=" if frame.startswith("-") else " "}{quote(visible(frame))}'
         for option, frame in frames)])
-
-
-def decimal(value: float) -> str:
-    """Write a number without an exponent, which YAML 1.1 reads as a text if there is no point."""
-    digits = fixed_point(value, 9).rstrip('0')
-    return f'{digits}0' if digits.endswith('.') else digits

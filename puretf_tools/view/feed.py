@@ -118,8 +118,7 @@ class HandPublisher:
         frames = {frame.name: frame for frame in self._frame_listener.buffer.frames()}
         name = transform.child_frame_id
         if name in self_and_ancestors(transform.frame_id, frames):
-            return (f'frame {name} is above {transform.frame_id}: there would '
-                    'be a loop')
+            return f'frame {name} is above {transform.frame_id}: there would be a loop'
         if name not in frames:
             return ''
         listener, gid = self._frame_listener, frames[name].authority

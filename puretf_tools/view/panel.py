@@ -1,7 +1,10 @@
 """The panels beside the scene: the controls and texts of one viewer."""
 
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
+import json
+from pathlib import Path
 import re
 from typing import Any, Optional
 
@@ -17,7 +20,6 @@ from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree_and_findings import Findings, Tree
-from puretf_tools.view.viser_private import ADDITIONS
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0
@@ -27,8 +29,12 @@ _OPTION_PERIOD = 0.5e-3
 #: Red, green, blue of the buttons, by whether the page is dark: viser's own are too light for
 #: white text.
 _BRANDS = (10, 70, 145), (95, 150, 225)
-#: The widths of the panels (pixels), and a step back or forward (s).
-_TREE_WIDTH, _MAIN_WIDTH, _STEP = 350.0, 360.0, 0.1
+#: HTML for what viser lacks.
+_ADDITIONS = (Path(__file__).parent / 'additions.html').read_text()
+#: Where the panels are at first: the side, x and y (pixels from the scene), the width (pixels;
+#: 0: as it is), and whether they are folded.
+_PLACES = {'main': ['right', 0.0, 0.0, 360.0, False], 'tree': ['left', 0.0, 0.0, 350.0, False]}
+_STEP = 0.1  # back or forward (s)
 
 
 class Panel:
@@ -39,7 +45,7 @@ class Panel:
         """Add the controls; `look_from` moves the camera to a view, or to the selected 'frame'."""
         gui = client.gui
         configure(gui, False)
-        gui.add_html(ADDITIONS)
+        gui.add_html(_ADDITIONS)
         self._settings = settings
         self._options: list[str] = []  # of the dropdowns
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
@@ -86,10 +92,7 @@ class Panel:
         self.tree = Tree(gui, panel.add_tab('Tree'), self._settings,
                          partial(self._look_from, 'frame'))
         self.findings = Findings(gui, panel.add_tab('Findings'), self._feed)
-        panel.dock_left()
-        panel.set_width(_TREE_WIDTH)
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(_MAIN_WIDTH)
+        self.places = Places(self._settings, gui.main_panel, panel)
 
     def _add_view_controls(self, gui: viser.GuiApi) -> None:
         gui.add_button('Copy view').on_click(self._on_copy)
@@ -165,6 +168,43 @@ class Panel:
         for choice in self.trail, self.selected:
             choice.propose(self._proposal)
         self.display.names.propose(len(placement.names) <= MOST_NAMES)
+
+
+class Places:
+    """Where the panels are, and where a viewer has put them."""
+
+    def __init__(self, settings: Settings, main: Any, tree: Any) -> None:
+        """Put the panels where they are at first, or were kept."""
+        self._panels = {'main': main, 'tree': tree}
+        self._places: dict[str, Any] = {}
+        self._noted: Optional[str] = ''
+        self._put({})
+        settings.add('Panels', lambda: self._places, self._put, dict)
+
+    def note(self, measured: Optional[str]) -> None:
+        """Keep what the browser has measured, if it differs from what it had at first."""
+        if self._noted != '' and measured != self._noted:  # '': not measured yet
+            with suppress(RecursionError, TypeError, ValueError):
+                self._places = dict(json.loads(measured or ''))
+        self._noted = measured
+
+    def _put(self, places: dict[str, Any]) -> None:
+        before, self._places = self._places, places
+        for name, panel in self._panels.items():
+            with suppress(ArithmeticError, LookupError, TypeError, ValueError):  # nonsense
+                side, x, y, width, is_folded = places.get(name, _PLACES[name])
+                if side == 'float':
+                    panel.float(x=x, y=y)
+                elif side in ('above', 'below'):
+                    getattr(panel, f'dock_{side}')(self._panels['main'])
+                else:
+                    (panel.dock_left if side == 'left' else panel.dock_right)()
+                if width:
+                    panel.set_width(width)
+                if is_folded:
+                    panel.minimize()
+                elif before.get(name, _PLACES[name])[-1]:
+                    panel.expand()
 
 
 class DisplayPanel:

@@ -192,9 +192,8 @@ class Scene:
                 f'{WORLD}/{name}', points, colours, thickness=width, thickness_units='screen')
 
     async def _on_click(self, clicks: 'deque[str]', event: viser.SceneClickEvent) -> None:
-        camera = event.client.camera
-        x, y = np.multiply(event.screen_pos, page_size(camera))
-        if name := self._at(x, y, camera):
+        x, y = np.multiply(event.screen_pos, page_size(event.client.camera))
+        if name := self._at(x, y, event.client.camera):
             clicks.append(name)
 
     def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:

@@ -31,17 +31,6 @@ _HIDE, _SHOW, _HIDE_BRANCH, _SHOW_BRANCH, _FOCUS = (
 #: their colours.
 _MOST, _MOST_NAMES, _MOST_MARKS = 20, 3, 10
 _SEVERITIES = {'error': (190, 30, 30), 'warning': (133, 100, 0), 'info': (28, 100, 190)}
-#: viser's buttons are twice as high, and centre their text. The search and the bar stay above the
-#: rows when these are scrolled; `.tf-tree` and `.tf-rows` are texts before them.
-_STYLE = """<style>
-div:has(> .tf-tree) + div, div:has(> .tf-tree) + div + div {
-  position: sticky; top: 0; z-index: 5; padding-top: .3em; background: var(--mantine-color-body) }
-div:has(> .tf-tree) + div + div { top: 2.3em }
-div:has(> .tf-rows) ~ div:has(> button) { padding-bottom: 1px !important }
-div:has(> .tf-rows) ~ div > button { height: 1.5em !important; padding: 0 .5em; font-weight: 400;
-  font-size: .85em }
-div:has(> .tf-rows) ~ div > button span { justify-content: flex-start; white-space: pre }
-</style>"""
 
 
 class Tree:
@@ -60,7 +49,7 @@ class Tree:
         self._hidden, self._hidden_branches, self._folded = map(
             settings.names, ('Hidden', 'Hidden branches', 'Folded'))
         with container:
-            gui.add_html(f'<div class="tf-tree">{_STYLE}</div>')
+            gui.add_html('<div class="tf-tree"></div>')  # for additions.html, as "tf-rows" below
             self._search = gui.add_text('Search', '')
             self._bar = gui.add_button_group('', (_HIDE, _HIDE_BRANCH, _FOCUS))
             self._bar.on_click(self._on_bar)

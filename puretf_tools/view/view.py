@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache, partial
+from itertools import cycle
 from queue import SimpleQueue
 from threading import Thread
 from time import monotonic
@@ -26,7 +27,7 @@ from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
-from puretf_tools.view.viser_private import PIXEL_RATIO, receive_at_once, Server
+from puretf_tools.view.viser_private import PANELS, PIXEL_RATIO, receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
@@ -200,6 +201,8 @@ class Viewer:
         panel = self._panel
         if self._placement is None:
             self._restore()
+        set_pixel_ratio(self._client.camera, self.pace.answers.get(PIXEL_RATIO))
+        panel.places.note(self.pace.answers.get(PANELS, ''))
         if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
@@ -277,6 +280,7 @@ class Pace:
         self._client, self._key = client, key
         self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
         self.stored: Optional[str] = None
+        self.answers: dict[str, Optional[str]] = {}  #: to PIXEL_RATIO and PANELS
         self.is_blocked = False  #: True if the browser stores nothing
         self.is_waiting = True  #: True until the last update has been handled
         Thread(target=self._work, daemon=True).start()
@@ -304,9 +308,10 @@ class Pace:
         except TimeoutError:
             pass
         self.is_waiting = False
+        questions = cycle((PIXEL_RATIO, PANELS))
         while move := self._moves.get():
+            key = next(questions)
             with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
-                set_pixel_ratio(self._client.camera,
-                                self._client.local_storage.get_item(PIXEL_RATIO))
+                self.answers[key] = self._client.local_storage.get_item(key)
             move()
             self.is_waiting = False

@@ -12,7 +12,8 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
   poses by `numpy.allclose`, which takes most of the time, and ignores small moves far away.
 - `get_message_buffer().max_window_size` of `_websock_connection` limits the number of messages
   that a client receives at once.
-- The keys of a browser's storage begin with `viser-user:`.
+- additions.html names controls by their classes, finds the panels by attributes `data-dock-…`,
+  and stores what it measures under keys that begin with `viser-user:`.
 """
 
 from collections.abc import Callable
@@ -56,35 +57,9 @@ HANDLES = f'{WORLD}/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
 
-#: The key in a browser's storage of the number of its pixels per pixel of CSS.
-PIXEL_RATIO = 'pixel ratio'
-#: HTML by which all controls have a name, and texts enough contrast: viser's fields and sliders do
-#: not belong to their labels, its buttons with an icon have no text, and its greys are too light.
-#: It also stores the ratio of pixels, which viser does not report.
-ADDITIONS = """<style onload="const fields = 'input, textarea, [role=slider]', name = () => {
-  for (const label of document.querySelectorAll('label[for]')) {
-    let row = label;
-    while (row.parentElement && !row.querySelector(fields)) row = row.parentElement;
-    if (row.querySelectorAll('label[for]').length == 1)  // else this label has no field
-      for (const field of row.querySelectorAll(fields))
-        if (!field.getAttribute('aria-label')) field.setAttribute('aria-label', label.textContent);
-  }
-  for (const icon of document.querySelectorAll('button:not([aria-label]) svg')) {
-    const button = icon.closest('button'), name = icon.classList[1]?.slice('tabler-icon-'.length);
-    if (name || button.matches('.mantine-CloseButton-root'))
-      button.setAttribute('aria-label', button.textContent || name || 'close');
-  }
-}, measure = () => {
-  const scene = document.querySelector('canvas[data-engine]');
-  if (scene?.clientWidth)
-    localStorage['viser-user:pixel ratio'] = scene.width / scene.clientWidth;
-};
-name();
-new MutationObserver(() => { name(); measure(); }).observe(
-  document.body, {childList: true, subtree: true});">
-:root[data-mantine-color-scheme=light] { --mantine-color-dimmed: #595f66 }
-:root[data-mantine-color-scheme=dark] { --mantine-color-dimmed: #a9afb6 }
-</style>"""
+#: The keys in a browser's storage of what additions.html measures: the number of pixels of the
+#: display per pixel of CSS, and where the panels are.
+PIXEL_RATIO, PANELS = 'pixel ratio', 'panels'
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w, x, y, z

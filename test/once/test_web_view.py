@@ -238,17 +238,28 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
         page.page.keyboard.press('t')
         page.open_tab('Display')
         page.tick('Grid', False)
+        mouse, box = page.page.mouse, place(page)
+        mouse.move(box['x'] + 20.0, box['y'] + 5.0)
+        mouse.down()
+        for x in 300.0, 500.0, 520.0:
+            mouse.move(x, 300.0)
+        mouse.up()
+        page.until(lambda: place(page)['x'] > box['x'] + 100.0)
+
+    def place(page):
+        return page.page.locator('[data-dock-griphandle]').first.bounding_box()
 
     def shows(page):
         names = page.scene().names.keys()  # from the top, one of the two covers the other
-        return names and names <= {'map, base_link', 'joint_1'}
+        return names and names <= {'map, base_link', 'joint_1'} and place(page) == there
 
     set_up()
-    page.until(lambda: shows(page))
     stored = 'Object.values(localStorage).join()'
     page.until(lambda: (text := page.page.evaluate(stored)) and all(
         part in text for part in ('"Fixed frame": "joint_1"', '"joint_2"', '"Grid": false',
-                                  '0.1]')))
+                                  '"tree": ["float"', '0.1]')))
+    there = place(page)
+    page.until(lambda: shows(page))
     page.page.reload()
     page.until(lambda: shows(page))
     view.end_normally()

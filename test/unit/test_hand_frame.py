@@ -231,5 +231,5 @@ def test_the_texts_that_are_copied():
     transform = Transform(0, 'map', "it's: é", (1.0, 1e-6, -0.0), (0.0, 0.0, -HALF, HALF))
     numbers = zip(('x', 'y', 'z', 'roll', 'yaw'), (*transform.translation, 0.0, -pi / 2))
     assert command_line(transform.frame_id, transform.child_frame_id, numbers) == (
-        'static_transform_publisher --x 1.0 --y 0.000001 --yaw -1.570796327 --frame-id map '
+        'static_transform_publisher --x 1.0 --y 1e-06 --yaw -1.570796327 --frame-id map '
         """--child-frame-id 'it'"'"'s: é'""")

@@ -1375,7 +1375,8 @@ def test_a_bag_is_played(page, clock):
 
 def json_of(viewer):
     """Return the view that the page has stored in the browser."""
-    return json.loads(next(iter(viewer.storage.values()), '{}'))
+    return json.loads(next((text for key, text in viewer.storage.items() if key.endswith(' 0')),
+                           '{}'))
 
 
 def test_the_view_stays(page, clock):
@@ -1417,6 +1418,47 @@ def test_the_view_stays(page, clock):
     shown.until(lambda: json_of(viewer)['Hidden branches'] == [])
 
 
+@pytest.mark.parametrize(('place', 'position'), [
+    (['float', 10, 20, 300, False], {'kind': 'float', 'x': 10, 'y': 20}),
+    (['right', 0, 0, 300, False], {'kind': 'edge', 'edge': 'right'}),
+    (['left', 0, 0, 0, True], {'kind': 'edge', 'edge': 'left'}),
+    (['below', 0, 0, 300, False],
+     {'kind': 'split', 'side': 'below', 'anchor_uuid': 'viser-control-panel'})])
+def test_the_panels_stay(page, clock, place, position):
+    """Where a viewer has put them is stored; the next connection puts them there."""
+    from viewer import Viewer
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    # What the browser measured before is not what the viewer has done since.
+    shown = page(live(buffer), storage={'panels': json.dumps({'tree': ['float', 1, 2, 3, False]})})
+    viewer = shown.viewer
+    shown.until(lambda: json_of(viewer).get('Panels') == {})
+    for _ in range(3):
+        shown.step()
+    viewer.storage['panels'] = json.dumps({'main': ['right', 0, 0, 400, False], 'tree': place})
+
+    def is_stored():
+        clock[0] += 2.0
+        return json_of(viewer)['Panels'].get('tree') == place
+
+    shown.until(is_stored)
+    other = Viewer(shown.server.get_port())
+    other.storage = viewer.storage
+
+    def tree():
+        return next((props for uuid, props in other.gui.items()
+                     if 'position' in props and uuid != 'viser-control-panel'), {})
+
+    other.until(lambda: tree().get('position') == position
+                and tree().get('collapsed', False) is place[4], shown.update)
+    assert tree()['width'] == (place[3] or 350)
+    assert other.gui['viser-control-panel']['width'] == 400
+    other.press('R')
+    other.until(lambda: tree()['position'] == {'kind': 'edge', 'edge': 'left'}
+                and not tree().get('collapsed'), shown.update)
+    other.close()
+
+
 def test_a_view_is_copied_and_pasted(page):
     """As a line of JSON, also into the page of another one; what it does not say stays."""
     buffer = TransformBuffer()
@@ -1435,9 +1477,11 @@ def test_a_view_is_copied_and_pasted(page):
 
 
 @pytest.mark.parametrize(('text', 'problem'), [
-    ('nonsense', 'this is no view: paste the line'), ('[1]', 'this is no view'),
+    ('nonsense', 'this is no view: copy the line'), ('[1]', 'this is no view'),
     ('[' * 5000, 'this is no view'), ('{"Frame": 1, "Axes": "yes", "Camera": [null], '
-     '"Hidden": [1], "Axis length (m)": 1e999, "Plot over": "x", "x": 2}', '')])
+     '"Hidden": [1], "Axis length (m)": 1e999, "Plot over": "x", "x": 2}', ''),
+    ('{"Panels": {"main": ["float", 1e999, 0, 0, false], "tree": 1}}', ''),
+    ('{"Panels": {"main": ["above", 0, 0, 0, 0], "tree": ["left", 0, 0, "x", 0]}}', '')])
 def test_a_view_that_is_none(page, text, problem):
     """The page says so, and goes on; values of a wrong type are left out."""
     buffer = TransformBuffer()
