@@ -1,5 +1,6 @@
 """The page of web_view: as a process, and in a real browser."""
 
+from functools import partial
 from math import degrees
 from pathlib import Path
 import signal
@@ -197,8 +198,8 @@ def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
     page.until(lambda: '6 frames' in page.overview())
     page.until(lambda: len(page.scene().trail) > 20)
     page.tick('Pause', True)
-    page.click(middle_of_z_axis(page.scene(), 'joint_1'))
-    page.until(lambda: page.value('parent') == 'base_link')
+    page.click(partial(middle_of_z_axis, name='joint_1'),
+               lambda: page.value('parent') == 'base_link')
     page.choose('Frame', 'joint_2')
     page.until(lambda: page.value('parent') == 'joint_1')
     assert page.value('fixed') == 'map'

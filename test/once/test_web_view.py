@@ -334,12 +334,14 @@ def test_a_pair_in_a_browser(start, browse, tmp_path):
         'combobox', name='A', exact=True).input_value() == 'map')
     page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
     page.page.keyboard.down('Shift')
-    scene = page.scene()
-    hand = scene.index('end_effector')
-    page.click((scene.begins[2, hand] + scene.ends[2, hand]) / 2)
-    page.page.keyboard.up('Shift')
-    page.until(lambda: page.page.get_by_role(
+
+    def middle_of_the_z_axis(scene):
+        hand = scene.index('end_effector')
+        return (scene.begins[2, hand] + scene.ends[2, hand]) / 2
+
+    page.click(middle_of_the_z_axis, lambda: page.page.get_by_role(
         'combobox', name='B', exact=True).input_value() == 'end_effector')
+    page.page.keyboard.up('Shift')
     page.page.screenshot(path=tmp_path / 'pair.png')
 
 

@@ -194,9 +194,14 @@ class BrowserPage:
         self.page.get_by_role('combobox', name=label, exact=True).click()
         self.page.get_by_role('option', name=frame, exact=True).click()
 
-    def click(self, point: np.ndarray) -> None:
-        """Click the point of the scene (m)."""
-        self.page.mouse.click(*self.page.evaluate(_WHERE, point.tolist()))
+    def click(self, point: Callable[[Scene], np.ndarray], condition: Callable[[], object]) -> None:
+        """Click a point of the scene (m) until a condition holds: the camera may just move."""
+        def click() -> None:
+            place = point(self.scene()).tolist()
+            self.page.mouse.click(*self.page.evaluate(_WHERE, place))
+            self.page.wait_for_timeout(1e3)
+
+        self.until(condition, pause=click)
 
     def fill(self, label: str, text: str) -> None:
         """Type a text into a field; viser's label does not belong to its field."""
