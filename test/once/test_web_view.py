@@ -1,5 +1,6 @@
 """The page of web_view in a real browser: the body of the arm, and a file without a server."""
 
+import json
 from math import pi
 import socket
 import time
@@ -254,10 +255,15 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
         return names and names <= {'map, base_link', 'joint_1'} and place(page) == there
 
     set_up()
-    stored = 'Object.values(localStorage).join()'
-    page.until(lambda: (text := page.page.evaluate(stored)) and all(
-        part in text for part in ('"Fixed frame": "joint_1"', '"joint_2"', '"Grid": false',
-                                  '"tree": ["float"', '0.1]')))
+    stored = "Object.entries(localStorage).find(([key]) => key.endsWith(' 0'))[1]"
+
+    def is_stored():
+        view = json.loads(page.page.evaluate(stored))
+        return [view['Fixed frame'], view['Hidden branches'], view['Grid'], *view['Camera'][-1:],
+                *view['Panels'].get('tree', [])[:2]] == [
+                    'joint_1', ['joint_2'], False, 0.1, 'float', pytest.approx(place(page)['x'])]
+
+    page.until(is_stored)
     there = place(page)
     page.until(lambda: shows(page))
     page.page.reload()
