@@ -50,10 +50,13 @@ def hint_of(buffer, time=0, source='base'):
 
 @pytest.fixture
 def silent(monkeypatch):
-    """Let some seconds pass after the last arrival, by `silent(seconds)`."""
+    """Let time pass only by `silent(seconds)`."""
+    clock = [monotonic_ns()]
+    for module in 'failures', 'insertion':
+        monkeypatch.setattr(f'puretf._core.{module}.monotonic_ns', lambda: clock[0])
+
     def wait(seconds):
-        monkeypatch.setattr('puretf._core.failures.monotonic_ns',
-                            lambda: monotonic_ns() + int(seconds * S))
+        clock[0] += int(seconds * S)
 
     return wait
 
@@ -132,6 +135,7 @@ MISSING = see('A frame does not exist')
 # Arrivals
 
 
+@pytest.mark.usefixtures('silent')
 @pytest.mark.parametrize(('ahead', 'surroundings', 'hint'), [
     (S // 2, {}, ON_ITS_WAY),
     (S // 2, {'now': T + S // 2}, ON_ITS_WAY),
