@@ -21,7 +21,7 @@ from puretf.exceptions import described, tf2_words, TransformException
 from puretf.transform import Transform, Twist
 
 #: The largest number of poses that are inserted or computed before the lock is released.
-_CHUNK = 2048
+_CHUNK = 2500
 #: Many times: integers (ns), datetime64, or times of ROS.
 Times = Union[ArrayLike, Sequence[Any]]
 
@@ -75,7 +75,7 @@ class BufferBase:
         """
         Insert many poses of a frame in its parent.
 
-        They are inserted in the order of their stamps, up to 2048 at once. This is much faster
+        They are inserted in the order of their stamps, up to 2500 at once. This is much faster
         than one `insert` for each if they are newer than the poses that the buffer has of the
         frame, and if their stamps differ. The names and the rotations are treated as in `insert`.
 
@@ -165,7 +165,7 @@ class BufferBase:
         """
         Return the poses of the source frame in the target frame at many times.
 
-        More than 2048 times are looked up in parts; between two parts, new data may be inserted.
+        More than 2500 times are looked up in parts; between two parts, new data may be inserted.
 
         :param times: (n,) integers (ns), datetime64, or times of ROS; 0 as in other lookups.
         :param as_matrices: True: return homogeneous matrices.

@@ -462,8 +462,8 @@ def test_many_insertions_in_parts():
     poses[:, 0], poses[4000, 3:] = np.arange(5000), 0.0
     assert buffer.insert_many(np.arange(1, 5001)[::-1], 'map', 'tool', poses[::-1]) is False
     assert len(buffer.path_stamps('map', 'tool')) == 4999
-    assert [x_at(buffer, 'map', 'tool', 1 + i) for i in (0, 2047, 2048, 4999)] == [
-        0.0, 2047.0, 2048.0, 4999.0]
+    assert [x_at(buffer, 'map', 'tool', 1 + i) for i in (0, 2499, 2500, 4999)] == [
+        0.0, 2499.0, 2500.0, 4999.0]
 
 
 def test_many_insertions_that_are_refused(caplog):
