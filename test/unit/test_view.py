@@ -1450,9 +1450,10 @@ def test_the_panels_stay(page, clock, place, position):
                      if 'position' in props and uuid != 'viser-control-panel'), {})
 
     other.until(lambda: tree().get('position') == position
-                and tree().get('collapsed', False) is place[4], shown.update)
-    assert tree()['width'] == (place[3] or 350)
-    assert other.gui['viser-control-panel']['width'] == 400
+                and tree().get('collapsed', False) is place[4]
+                and tree().get('width') == (place[3] or 350)
+                and other.gui.get('viser-control-panel', {}).get('width') == 400
+                and any(props.get('hotkey') == 'R' for props in other.gui.values()), shown.update)
     other.press('R')
     other.until(lambda: tree()['position'] == {'kind': 'edge', 'edge': 'left'}
                 and not tree().get('collapsed'), shown.update)
