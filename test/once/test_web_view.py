@@ -225,10 +225,7 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
     with socket.create_server(('127.0.0.1', 0)) as free:  # no other test takes it meanwhile
         port = free.getsockname()[1]
 
-    def serve(*arguments):
-        return start(*tool('web_view', *arguments))
-
-    view = serve('--port', str(port))
+    view = start(*tool('web_view', '--port', str(port)))
     page = browse(view)
     page.scene_with(*FRAMES)
 
@@ -269,7 +266,7 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
     page.page.reload()
     page.until(lambda: shows(page))
     view.end_normally()
-    view = serve('--port', str(port))
+    view = start(*tool('web_view', '--port', str(port)))
     page.until(lambda: shows(page), pause=lambda: page.page.wait_for_timeout(200))
     page.open_tab('Display')
     page.button('Copy view')
@@ -286,7 +283,7 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
     page.scene_with('end_effector')
     page.page.close()
     (tmp_path / 'view.json').write_text(text)
-    third = browse(serve('--view', str(tmp_path / 'view.json')))
+    third = browse(start(*tool('web_view', '--view', str(tmp_path / 'view.json'))))
     third.until(lambda: shows(third))
     page.faults.clear()  # the connection that was lost
 
@@ -340,12 +337,7 @@ def test_a_pair_in_a_browser(start, browse, tmp_path):
         'combobox', name='A', exact=True).input_value() == 'map')
     page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
     page.page.keyboard.down('Shift')
-
-    def middle_of_the_z_axis(scene):
-        hand = scene.index('end_effector')
-        return (scene.begins[2, hand] + scene.ends[2, hand]) / 2
-
-    page.click(middle_of_the_z_axis, lambda: page.page.get_by_role(
+    page.click('end_effector', lambda: page.page.get_by_role(
         'combobox', name='B', exact=True).input_value() == 'end_effector')
     page.page.keyboard.up('Shift')
     page.page.screenshot(path=tmp_path / 'pair.png')

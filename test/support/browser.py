@@ -194,11 +194,13 @@ class BrowserPage:
         self.page.get_by_role('combobox', name=label, exact=True).click()
         self.page.get_by_role('option', name=frame, exact=True).click()
 
-    def click(self, point: Callable[[Scene], np.ndarray], condition: Callable[[], object]) -> None:
-        """Click a point of the scene (m) until a condition holds: the camera may just move."""
+    def click(self, name: str, condition: Callable[[], object]) -> None:
+        """Click the z axis of a frame until a condition holds: the camera may just move."""
         def click() -> None:
-            place = point(self.scene()).tolist()
-            self.page.mouse.click(*self.page.evaluate(_WHERE, place))
+            scene = self.scene()
+            i = scene.index(name)
+            middle = (scene.begins[2, i] + scene.ends[2, i]) / 2
+            self.page.mouse.click(*self.page.evaluate(_WHERE, middle.tolist()))
             self.page.wait_for_timeout(1e3)
 
         self.until(condition, pause=click)
