@@ -905,13 +905,13 @@ def test_the_first_camera(page, clock):
     wide = {**CAMERA, 'position': there, 'look_at': target}
     viewer.last.clear()
     viewer.storage['pixel ratio'] = '3'
-    viewer.send({**wide, 'image_width': 1170, 'image_height': 2400})
-    shown.until(lambda: viewer.distance() > 30.0)  # a narrow page
+    viewer.send({**wide, 'image_width': 1170, 'image_height': 1200})
+    shown.until(lambda: viewer.distance() > 30.0)  # a narrow page: 390 pixels of CSS
     shown.step()
     viewer.last.clear()
     viewer.send({**wide, 'position': [1.0, 2.0, 3.0]})  # the viewer moves it
     shown.step()
-    viewer.send({**wide, 'position': [1.0, 2.0, 3.0], 'image_width': 1170, 'image_height': 2400})
+    viewer.send({**wide, 'position': [1.0, 2.0, 3.0], 'image_width': 1170, 'image_height': 1200})
     for _ in range(3):
         shown.step()
     assert not viewer.distance()
