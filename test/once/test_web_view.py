@@ -255,10 +255,10 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
     stored = "Object.entries(localStorage).find(([key]) => key.endsWith(' 0'))[1]"
 
     def is_stored():
-        view = json.loads(page.page.evaluate(stored))
+        view, box = json.loads(page.page.evaluate(stored)), place(page)
         return [view['Fixed frame'], view['Hidden branches'], view['Grid'], *view['Camera'][-1:],
-                *view['Panels'].get('tree', [])[:2]] == [
-                    'joint_1', ['joint_2'], False, 0.1, 'float', pytest.approx(place(page)['x'])]
+                *view['Panels'].get('tree', [])[:3]] == [
+                    'joint_1', ['joint_2'], False, 0.1, 'float', box['x'], box['y']]
 
     page.until(is_stored)
     there = place(page)
