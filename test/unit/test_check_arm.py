@@ -174,7 +174,7 @@ def test_a_bar_in_a_terminal(tmp_path, monkeypatch):
     """It says what is waited for; the line is printed after it is removed."""
     pytest.importorskip('tqdm')
     monkeypatch.chdir(tmp_path)
-    Path('arm.py').write_text('print(')
+    Path('arm.py').write_text('raise SystemExit')
     assert 'observing arm.py' in call(main, 'arm.py', columns=80).stderr
     assert call(main, 'arm.py').stderr == ''
 
