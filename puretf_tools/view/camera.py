@@ -43,7 +43,9 @@ class FirstCamera:
         self._points = np.empty((0, 3))  # those that are farthest in each direction (m)
         #: When the cameras are moved next (s, monotonic clock); None until there are points.
         self._due: Optional[list[float]] = None
-        self._put: Optional[NDArray[np.float64]] = None  # where the camera was put (m)
+        #: Where the camera was before, and where it was put (m): reports of a browser that has not
+        #: moved it yet may still be on their way.
+        self._put: list[NDArray[np.float64]] = []
         self._size = 0.0, 0.0  # of the page, then
         self.is_over = False  #: True after the viewer has moved the camera
 
@@ -79,9 +81,11 @@ class FirstCamera:
             return
         self.is_over = self._is_moved()
         if not self.is_over:
+            camera = self._cameras[0]
+            before = self._put[-1] if self._put else np.array(camera.position)
             look_at(self._points, self._cameras)
-            self._size = page_size(self._cameras[0])
-            self._put = np.array(self._cameras[0].position)
+            self._size = page_size(camera)
+            self._put = [before, np.array(camera.position)]
 
     @property
     def view(self) -> list[float]:
@@ -97,13 +101,13 @@ class FirstCamera:
         if self.is_over:
             _put(self._cameras, np.array(view[:3]), np.array(view[3:6]), view[6], _FAR)
         elif self._due is not None:
-            self._put, self._due = None, [0.0]
+            self._put, self._due = [], [0.0]
 
     def _is_moved(self) -> bool:
         camera = self._cameras[0]
-        return self._put is not None and bool(
-            np.linalg.norm(np.subtract(camera.position, self._put))
-            > _MOVED * np.linalg.norm(np.subtract(camera.position, camera.look_at)))
+        distance = np.linalg.norm(np.subtract(camera.position, camera.look_at))
+        return bool(self._put) and bool(np.linalg.norm(
+            np.subtract(camera.position, self._put), axis=1).min() > _MOVED * distance)
 
 
 def look_at(points: NDArray[np.float64], cameras: Sequence[Any],

@@ -917,6 +917,24 @@ def test_the_first_camera(page, clock):
     assert not viewer.distance()
 
 
+def test_a_late_report_of_the_camera(page, clock):
+    """It says where the camera was before: nobody has moved it since, so it shows all frames."""
+    from viewer import CAMERA
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'base', pose(0.0), is_static=True)
+    shown = page(live(buffer))
+    viewer, before = shown.viewer, CAMERA['position']
+    shown.until(viewer.distance)
+    for x, seconds in (10.0, 1.0), (20.0, 4.0):
+        last = viewer.last['SetCameraPositionMessage']['position']
+        viewer.send({**CAMERA, 'position': before})
+        shown.set('Grid', False)  # so that the server has handled the message before
+        before = last
+        buffer.insert(T, 'map', f'at {x}', pose(x), is_static=True)
+        clock[0] += seconds
+        shown.until(lambda: viewer.distance() > 1.5 * x)  # noqa: B023
+
+
 def test_the_first_camera_shows_where_frames_have_been(page):
     """In the last 40 s, before the page was opened."""
     buffer = TransformBuffer(40 * S)
