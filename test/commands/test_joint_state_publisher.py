@@ -56,7 +56,7 @@ def positions(ros):
 
 def open_page(process):
     """Return a viewer of the page of a process."""
-    return closing(Viewer(int(process.line_with('look at http').rsplit(':', 1)[1])))
+    return closing(Viewer(process.port()))
 
 
 def test_the_joints_of_a_file(start, ros, urdf, positions):

@@ -24,7 +24,7 @@ def open_viewer(start):
     """A function that opens the page of a web_view."""
     with ExitStack() as stack:
         process = start(*tool('web_view'))
-        port = int(process.line_with('look at http').rsplit(':', 1)[1])
+        port = process.port()
 
         def open_page():
             return stack.enter_context(closing(Viewer(port)))

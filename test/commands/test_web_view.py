@@ -45,7 +45,7 @@ def test_a_bag_without_ros(start, tmp_path):
     path = bags.make(tmp_path / 'robot', 'mcap', [*bags.walk(), (
         '/robot_description', 100 * bags.S, bags.string(urdf), bags.STRING)])
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
-    viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
+    viewer = Viewer(process.port())
     viewer.until(lambda: '3 frames' in viewer.text('overview'))
     viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
     viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')
@@ -86,7 +86,7 @@ def slowly(start, tmp_path):
     def start_page():
         flag, code, *arguments = tool_without_ros('web_view', '--bag', str(bag))
         process = start(flag, SLOWLY + code, *arguments, cwd=tmp_path)
-        viewers.append(Viewer(int(process.line_with('look at http').rsplit(':', 1)[1])))
+        viewers.append(Viewer(process.port()))
         return process, viewers[-1]
 
     yield start_page
@@ -150,7 +150,7 @@ def test_a_bag_is_read_once(start, tmp_path, kind, name):
         process = start(flag, 'import atexit; from pathlib import Path; atexit.register('
                         'lambda: print(Path("/proc/self/io").read_text()));' + code, *rest)
         if name == 'web_view':
-            viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
+            viewer = Viewer(process.port())
             viewer.until(lambda: any('healthy' in props.get('content', '')
                                      for props in viewer.gui.values()))
             viewer.close()

@@ -39,7 +39,7 @@ class Page:
     def __init__(self, start, begins):
         """Start it."""
         self.process, self._begins = start(*tool('web_view')), begins
-        self._url = self.process.line_with('look at http').split()[-1]
+        self._url = self.process.url()
 
     def fresh(self, after):
         """

@@ -11,11 +11,6 @@ VIEW = tool('web_view')
 FRAMES = 'map, base_link', 'joint_1', 'end_effector'
 
 
-def url_of(process):
-    """Return the address at which a process serves its page."""
-    return process.line_with('look at http').split()[-1]
-
-
 def test_several_viewers_on_the_next_free_port(start, browse):
     """Closing or reloading one of two pages, or ending one of two servers, harms no other."""
     start(*ARM)
@@ -28,7 +23,7 @@ def test_several_viewers_on_the_next_free_port(start, browse):
         except OSError:  # another process uses the port, which will do as well
             used = set()
         views = [start(*VIEW), start(*VIEW)]
-        urls = [url_of(view) for view in views]
+        urls = [view.url() for view in views]
     assert len({*urls, *used}) == 2 + len(used)
     first, second = browse(urls[0]), browse(urls[0])
     first.scene_with(*FRAMES)

@@ -294,7 +294,7 @@ def test_the_keys_and_the_bar_of_a_bag(start, browse, tmp_path):
     walk = [message for message in bags.walk(20) if not 105.5 < message[1] / bags.S < 108.5]
     bag = bags.make(tmp_path / 'walk', 'mcap', walk)
     view = start(*tool('web_view', '--bag', str(bag)))
-    url = view.line_with('look at http').split()[-1]
+    url = view.url()
     time.sleep(2.0)
     begin = time.monotonic()
     page = browse(url)

@@ -135,6 +135,14 @@ class Process:
             assert line, f'the process ended without printing {text!r}:\n{self.output}'
         return line
 
+    def url(self) -> str:
+        """Wait for the address of the page that the process serves, and return it."""
+        return self.line_with('look at http').split()[-1]
+
+    def port(self) -> int:
+        """Wait for the address as `url` does, and return its port."""
+        return int(self.url().rpartition(':')[2])
+
     def end(self, signal_number: int, timeout: float = TIMEOUT) -> float:
         """Send a signal and wait until the process ends; return the time that this took (s)."""
         start = time.monotonic()
@@ -260,4 +268,4 @@ def browse() -> Iterator[Callable[..., Any]]:
     from browser import pages
     with pages() as open_page:
         yield lambda page, *size: open_page(
-            page if isinstance(page, str) else page.line_with('look at http').split()[-1], *size)
+            page if isinstance(page, str) else page.url(), *size)
