@@ -865,7 +865,7 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path, monkeypatch, capsys):
 def test_progress_is_called_back(tmp_path, kind):
     """The callback receives the fraction that has been read, which grows up to 1."""
     def content():
-        for i in range(2000):
+        for i in range(1000):
             yield '/tf', (100 + i) * S, [bags.row((100 + i) * S, 'map', 'odom')]
             yield '/text', (100 + i) * S, random.Random(i).randbytes(9000), bags.STRING
 
