@@ -104,9 +104,11 @@ class FirstCamera:
             self._put, self._due = [], [0.0]
 
     def _is_moved(self) -> bool:
+        if not self._put:
+            return False
         camera = self._cameras[0]
         distance = np.linalg.norm(np.subtract(camera.position, camera.look_at))
-        return bool(self._put) and bool(np.linalg.norm(
+        return bool(np.linalg.norm(
             np.subtract(camera.position, self._put), axis=1).min() > _MOVED * distance)
 
 

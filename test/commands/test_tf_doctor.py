@@ -77,7 +77,8 @@ def run(ros, *arguments, publishers, send=lambda now: None, ticks=15):
 def examine(ros, *arguments, **kwargs):
     """Run the command as `run` does; return the exit code, and the JSON that it prints."""
     result = run(ros, '--json', *arguments, **kwargs)
-    return result.code, json.loads(result.stdout)
+    # Before it, Fast DDS may write to stdout that another process is opening the same port.
+    return result.code, json.loads(result.stdout[result.stdout.index('{'):])
 
 
 def codes(data):
