@@ -225,7 +225,7 @@ def test_a_bag_that_is_still_read(controls, buffer):
     assert shown.after(2.0) == 12.0
     assert shown.after(1.0) == 0.0
     viewer.until(lambda: not viewer.text('reading'))
-    assert viewer.get('Time (s)', 'max') == 12.0
+    viewer.until(lambda: viewer.get('Time (s)', 'max') == 12.0)
 
 
 def test_a_bag_of_which_nothing_has_been_read(clock):

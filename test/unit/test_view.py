@@ -1107,12 +1107,11 @@ def test_a_live_page_looks_back(page):
     buffer.insert(T + 11 * S, 'map', 'base', pose(11))
     shown.set('Back (s)', 0.0)  # the moment of the pause
     shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
-    assert not viewer.get('Back (s)', 'disabled')
+    shown.until(lambda: viewer.get('Back (s)', 'disabled') is False)
     shown.set('Back (s)', 4.0)
     shown.set('Pause', False)
     shown.until(lambda: viewer.names().get('base') == [11, 0, 0])
-    shown.until(lambda: viewer.value('Back (s)') == 0.0)
-    assert viewer.get('Back (s)', 'disabled')
+    shown.until(lambda: viewer.value('Back (s)') == 0.0 and viewer.get('Back (s)', 'disabled'))
 
 
 def test_silences_are_remembered_while_viewers_look_back(page, clock):
@@ -1251,7 +1250,7 @@ def test_what_is_chosen_stays(page):
     arm(buffer, T, 'map', 'other', 'more')
     shown.until(lambda: 'the fixed frame base is not available; instead of it: map<' in
                 viewer.text('overview'))
-    assert 'base' in viewer.get('Fixed frame', 'options')
+    shown.until(lambda: 'base' in viewer.get('Fixed frame', 'options'))
     arm(buffer, T, 'map', 'base')
     shown.until(lambda: viewer.names().get('map') == [-1, 0, 0])
     assert viewer.value('Fixed frame') == 'base'
@@ -1283,8 +1282,8 @@ def test_the_fixed_frame_of_a_page_that_nobody_has_chosen(page, clock):
     shown.until(lambda: '3 frames without an update for a minute: not shown' in
                 viewer.text('overview'))
     assert 'not connected' not in viewer.text('overview')
-    assert viewer.get('Frame', 'options') == [
-        '(none)', 'base_link', 'laser', 'odom']  # laser is chosen
+    shown.until(lambda: viewer.get('Frame', 'options') == [
+        '(none)', 'base_link', 'laser', 'odom'])  # laser is chosen
     shown.until(lambda: 'laser is not available' in viewer.text('details'))
     arm(buffer, T + S, 'base_lnk', 'laser')
     shown.until(lambda: 'laser' in options() and viewer.detail('parent') == 'base_lnk')
