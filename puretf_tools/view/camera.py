@@ -31,7 +31,6 @@ _DISTANCE = 3.6
 #: As above, on a page that is narrower than this (pixels), where the panels cover the lower part:
 #: the distance, and by which fraction of the distance the camera looks below the middle.
 _NARROW, _FAR_DISTANCE, _BELOW = 450.0, 7.0, 0.24
-_HEIGHT = 900.0  # of a page that is not known (pixels)
 
 
 class FirstCamera:
@@ -81,11 +80,10 @@ class FirstCamera:
             return
         self.is_over = self._is_moved()
         if not self.is_over:
-            camera = self._cameras[0]
-            before = self._put[-1] if self._put else np.array(camera.position)
+            before = self._put[-1:] or [np.array(self._cameras[0].position)]
             look_at(self._points, self._cameras)
-            self._size = page_size(camera)
-            self._put = [before, np.array(camera.position)]
+            self._size = page_size(self._cameras[0])
+            self._put = [*before, np.array(self._cameras[0].position)]
 
     @property
     def view(self) -> list[float]:
@@ -104,12 +102,10 @@ class FirstCamera:
             self._put, self._due = [], [0.0]
 
     def _is_moved(self) -> bool:
-        if not self._put:
-            return False
         camera = self._cameras[0]
-        distance = np.linalg.norm(np.subtract(camera.position, camera.look_at))
-        return bool(np.linalg.norm(
-            np.subtract(camera.position, self._put), axis=1).min() > _MOVED * distance)
+        return bool(self._put) and all(
+            np.linalg.norm(np.subtract(camera.position, place)) > _MOVED * np.linalg.norm(
+                np.subtract(camera.position, camera.look_at)) for place in self._put)
 
 
 def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
@@ -147,7 +143,7 @@ def set_pixel_ratio(camera: Any, answer: Optional[str]) -> None:
 
 
 def page_size(camera: Any) -> tuple[float, float]:
-    """Return the width and the height of the page of a camera (pixels of CSS)."""
+    """Return the width and the height of the page of a camera (pixels of CSS), or a guess."""
     ratio = getattr(camera, 'pixel_ratio', 1.0)
     width, height = (getattr(camera, name, 0) for name in ('image_width', 'image_height'))
-    return (width / ratio, height / ratio) if width > 0 and height > 0 else (2 * _HEIGHT, _HEIGHT)
+    return (width / ratio, height / ratio) if width > 0 and height > 0 else (1800.0, 900.0)
