@@ -39,7 +39,7 @@ class Page:
     def __init__(self, start, begins):
         """Start it."""
         self.process, self._begins = start(*tool('web_view')), begins
-        self._url = self.process.url()
+        self._port = self.process.port()
 
     def fresh(self, after):
         """
@@ -48,9 +48,9 @@ class Page:
         :returns: how long after that time it was there (s).
         """
         from viewer import Viewer
-        with urlopen(self._url, timeout=TIMEOUT) as answer:
+        with urlopen(f'http://127.0.0.1:{self._port}', timeout=TIMEOUT) as answer:
             assert b'<html' in answer.read()
-        viewer = Viewer(int(self._url.rpartition(':')[2]))
+        viewer = Viewer(self._port)
         viewer.until(lambda: self._time(viewer) > after)
         viewer.close()
         stamp = self._time(viewer)
