@@ -103,12 +103,13 @@ class TransformListener:
         self._thread: NodeThread
         self._source: Any
         if self._uses_callbacks:
-            self._thread = SpinThread(node, self.group, self._close)
+            self._thread = SpinThread(node, self.group, self._detach_for_good, self._release)
             self._source = NoMessages(node.context.ok)
         else:
             self._qos_monitors += map(QosMonitor, self.subscriptions)
             self._thread = ListenerThread(
-                node, self.group, self.tf_static_sub, self.tf_sub, self._work, self._close)
+                node, self.group, self.tf_static_sub, self.tf_sub, self._work,
+                self._detach_for_good, self._release)
             self._source = self._create_source(
                 self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._attach(_engine_or_none(buffer))
@@ -237,18 +238,21 @@ class TransformListener:
         else:
             self._log.warn_once('error', ''.join(format_exception(error)), 1.0)
 
-    def _close(self) -> None:
-        """Remove the source and destroy the subscriptions; called when the listener ends."""
+    def _detach_for_good(self) -> None:
+        """Insert what has arrived, and remove the source; called when the listener ends."""
         try:
             self._attach(None)
         except BaseException as error:  # raised by a done callback of a future
             self._on_fault(error)
         self._log.flush()
+
+    def _release(self) -> None:
+        """Destroy the subscriptions; called by the thread that ends the listener."""
         for monitor in self._qos_monitors:
             monitor.close()
         for subscription in self.subscriptions:
-            if not self.node.destroy_subscription(subscription):  # the node does not know it
-                subscription.destroy()
+            self.node.destroy_subscription(subscription)  # if the node knows it
+        self._source.close()
 
 
 class StaticTransformListener(TransformListener):

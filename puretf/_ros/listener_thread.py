@@ -3,7 +3,8 @@
 import atexit
 from collections.abc import Callable
 from contextlib import suppress
-from threading import current_thread, Thread
+import os
+from threading import current_thread, RLock, Thread
 from threading import enumerate as running_threads
 from time import monotonic
 from typing import Any, Optional
@@ -28,12 +29,22 @@ _JOIN_TIMEOUT = 0.5
 
 
 class NodeThread(Thread):
-    """A thread that ends when `end` is called, its node is destroyed or Python exits."""
+    """
+    A thread that ends when `end` is called, its node is destroyed or Python exits.
 
-    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
+    It never destroys the handles of the listener. The thread that calls `stop` does so, by
+    `release`. Both hold a lock while they use the handles; this thread takes no other lock
+    meanwhile, so `stop` need not wait long for it, whatever locks the caller holds.
+    """
+
+    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object],
+                 release: Callable[[], object]) -> None:
         super().__init__(name=f'tf of {node.get_name()}', daemon=True)
-        self._node, self._on_end = node, on_end
-        self.must_end = False
+        self._node, self._on_end, self._release = node, on_end, release
+        self._process, self._using = os.getpid(), RLock()
+        self.must_end = self._is_released = False
+        #: That of /parameter_events: the first handle that `destroy_node` destroys.
+        self._first_publisher: Any = next(node.publishers, None)
         self._guard = guard_condition(node, group, self.stop)
 
     def wake(self) -> None:
@@ -44,30 +55,42 @@ class NodeThread(Thread):
         raise NotImplementedError
 
     def run(self) -> None:
-        """Work; ignore errors of rcl if the thread must end, or if the context is shut down."""
+        """Work; an error of a handle that is being destroyed is the end."""
         try:
             self.work_until_end()
         except (InvalidHandle, RCLError):
-            if not self.must_end and self._node.context.ok():
+            if (not self.must_end and self._node.context.ok()
+                    and self._first_publisher in self._node.publishers):
                 raise
 
     def end(self) -> None:
         self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
 
     def stop(self) -> None:
-        """Make the thread end, and wait for its end, but at most for `_JOIN_TIMEOUT`."""
+        """
+        Make the thread end, wait for its end, but at most for `_JOIN_TIMEOUT`, and release.
+
+        Do nothing in the child of a fork, where neither the thread nor its handles exist.
+        """
         self.must_end = True
-        if self.is_alive():  # not so in the child of a fork
-            self.wake()
-            if self is not current_thread():
-                self.join(_JOIN_TIMEOUT)
+        if self._process != os.getpid():
+            return
+        try:
+            if self.is_alive():
+                self.wake()
+                if self is not current_thread():
+                    self.join(_JOIN_TIMEOUT)
+        finally:
+            with self._using:
+                self._is_released = True
+                self._release()
 
 
 class SpinThread(NodeThread):
     """A thread that spins a node, as in tf2_ros; `stop` calls `on_end`, even if not started."""
 
-    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
-        super().__init__(node, group, on_end)
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
         self._end = Future()
 
     def wake(self) -> None:
@@ -78,7 +101,7 @@ class SpinThread(NodeThread):
         self._on_end()
 
     def work_until_end(self) -> None:
-        executor = SingleThreadedExecutor(context=self._node.context)
+        executor = _Executor(context=self._node.context)
         try:
             executor.add_node(self._node)
             with suppress(ExternalShutdownException):
@@ -86,6 +109,14 @@ class SpinThread(NodeThread):
         finally:
             executor.remove_node(self._node)
             executor.shutdown()
+
+
+class _Executor(SingleThreadedExecutor):
+    """An executor that `destroy_node` and `shutdown` may wake while its thread shuts it down."""
+
+    def wake(self) -> None:
+        with suppress(InvalidHandle):
+            super().wake()
 
 
 class ListenerThread(NodeThread):
@@ -101,9 +132,10 @@ class ListenerThread(NodeThread):
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription,
                  tf: Optional[Subscription], work: Callable[[], tuple[bool, bool, float]],
-                 on_end: Callable[[], object], clock: Callable[[], float] = monotonic) -> None:
+                 on_end: Callable[[], object], release: Callable[[], object],
+                 clock: Callable[[], float] = monotonic) -> None:
         self._wake = GuardCondition(None, None, context=node.context)
-        super().__init__(node, group, on_end)
+        super().__init__(node, group, on_end, release)
         self._clock, self._work = clock, work
         self._tf_static, self._tf = tf_static, tf
         self._is_wake_pending = False
@@ -119,36 +151,43 @@ class ListenerThread(NodeThread):
         finally:
             self.must_end = True
             # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
-            with suppress(InvalidHandle, RCLError):
-                self._guard.trigger()
+            self._wake_executor()
             self._on_end()
 
     def work_until_end(self) -> None:
-        context, tf = self._node.context.handle, self._tf or self._tf_static
+        context = self._node.context.handle
         assert context is not None  # a context with a node has a handle
-        with self._wake.handle, self._tf_static.handle, tf.handle:
-            wait_set, pause = WaitSet(2, 1, 0, 0, 0, 0, context), 0.0
-            while context.ok() and not self.must_end:
-                self._wait(wait_set, pause)
-                if self.must_end:
-                    return
-                has_news, is_urgent, pause = self._work()
-                self._is_wake_pending |= has_news
-                if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
-                    self._is_wake_pending = False
-                    self._next_wake = self._clock() + _WAKE_INTERVAL
-                    self._guard.trigger()
+        wait_set, pause = WaitSet(2, 1, 0, 0, 0, 0, context), 0.0
+        while self._wait(wait_set, pause):
+            has_news, is_urgent, pause = self._work()
+            self._is_wake_pending |= has_news
+            if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
+                self._is_wake_pending = False
+                self._next_wake = self._clock() + _WAKE_INTERVAL
+                self._wake_executor()
 
-    def _wait(self, wait_set: Any, pause: float) -> None:
-        wait_set.clear_entities()
-        wait_set.add_guard_condition(self._wake.handle)
-        wait_set.add_subscription(self._tf_static.handle)
-        if self._tf is not None and not pause:
-            wait_set.add_subscription(self._tf.handle)
-        limit = pause or _MAX_WAIT
-        if self._is_wake_pending and not pause:
-            limit = min(limit, max(0.0, self._next_wake - self._clock()))
-        wait_set.wait(int(limit * 1e9))
+    def _wake_executor(self) -> None:
+        with self._using, suppress(InvalidHandle, RCLError):
+            if not self._is_released:
+                self._guard.trigger()
+
+    def _wait(self, wait_set: Any, pause: float) -> bool:
+        """Wait for messages; return False if the thread must end."""
+        tf = self._tf or self._tf_static
+        with self._using:
+            if self.must_end or not self._node.context.ok():
+                return False
+            with self._wake.handle, self._tf_static.handle, tf.handle:
+                wait_set.clear_entities()
+                wait_set.add_guard_condition(self._wake.handle)
+                wait_set.add_subscription(self._tf_static.handle)
+                if self._tf is not None and not pause:
+                    wait_set.add_subscription(tf.handle)
+                limit = pause or _MAX_WAIT
+                if self._is_wake_pending and not pause:
+                    limit = min(limit, max(0.0, self._next_wake - self._clock()))
+                wait_set.wait(int(limit * 1e9))
+            return not self.must_end and self._node.context.ok()
 
 
 @atexit.register

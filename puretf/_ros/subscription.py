@@ -1,9 +1,11 @@
 """The source from which a buffer takes a listener's messages, and a monitor of the QoS."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from math import inf
 from operator import itemgetter
 import sys
+from threading import RLock
 from time import monotonic
 from typing import Any, Optional
 
@@ -36,6 +38,7 @@ class TopicSubscription:
                  on_fault: Callable[[Exception], None]) -> None:
         self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
+        self.destroy = subscription.destroy
         self.is_static = is_static
         qos = subscription.qos_profile
         self.max_messages = max(_MAX_MESSAGES, int(qos.depth)) if (
@@ -53,6 +56,9 @@ class NoMessages:
         return []
 
     def wake(self) -> None:
+        pass
+
+    def close(self) -> None:
         pass
 
 
@@ -73,6 +79,8 @@ class SubscriptionSource:
                                for each in (tf, tf_static) if each is not None]
         qos = (tf or tf_static).qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
+        #: Held while messages are taken; reentrant because a signal handler may close the source.
+        self._taking = RLock()
         #: The time of the last call of `next_pause` (s), and the number of messages since then.
         self._last, self._count = clock(), 0
 
@@ -84,11 +92,9 @@ class SubscriptionSource:
         # The messages of /tf are taken first and inserted last, so that no lookup sees a dynamic
         # transform without a static one that was sent before it.
         arrived, batches = [], []
-        try:
+        with self._taking, suppress(InvalidHandle, RCLError):  # the source is closed
             for subscription in self._subscriptions:
                 arrived.append((subscription, self._take(subscription)))
-        except (InvalidHandle, RCLError):  # another thread ends the listener
-            pass
         for subscription, messages in reversed(arrived):
             if messages:
                 self._count += len(messages)
@@ -97,6 +103,12 @@ class SubscriptionSource:
                 except Exception as error:  # a bug in this package must not end the thread
                     self._on_fault(error)
         return batches
+
+    def close(self) -> None:
+        """Destroy the subscriptions while no other thread takes messages."""
+        with self._taking:
+            for subscription in self._subscriptions:
+                subscription.destroy()
 
     def _take(self, subscription: TopicSubscription) -> list[Any]:
         return take_bytes(subscription.handle, subscription.max_messages)

@@ -1,7 +1,10 @@
-"""The ends of a listener, fifty times each; a publisher that is killed."""
+"""The ends of a listener, fifty times each, and with delays; a publisher that is killed."""
+
+from concurrent.futures import ThreadPoolExecutor
 
 from endings import check_end, end_in_every_order, without_library_lines
-from processes import ARM, TIMEOUT
+from environment import ROOT
+from processes import ARM, Process, reserved_domain, TIMEOUT
 import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -20,6 +23,26 @@ def test_the_end_of_a_program(start, way):
     """A program ends cleanly by its last line, sys.exit(), and by Ctrl-C in a spin or a lookup."""
     for _ in range(50):
         check_end(start, way)
+
+
+@pytest.mark.parametrize(('longest', 'ends', 'seeds'), [
+    (2.0, 5, range(20)), *((0.7, 20, range(i, i + 20)) for i in range(0, 100, 20))])
+def test_ends_with_delays(longest, ends, seeds):
+    """Each step of an end takes up to `longest` s more, at random; twenty processes at a time."""
+    results = []
+
+    def run(seed):
+        for domain in reserved_domain():
+            process = Process(domain, str(ROOT / 'test/support/late_ends.py'),
+                              *map(str, (seed, ends, longest, domain)))
+            code = process.exit_code(1200)
+            results.append((code, process.has_left_processes(),
+                            without_library_lines(process.output)))
+            process.close()
+
+    with ThreadPoolExecutor(len(seeds)) as pool:
+        [*pool.map(run, seeds)]
+    assert results == [(0, False, '')] * len(seeds)
 
 
 def test_a_publisher_that_was_killed_comes_back(listening, start, kill):

@@ -14,7 +14,7 @@ from processes import TIMEOUT
 import pytest
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import InvalidHandle, InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
@@ -201,7 +201,7 @@ def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
                                ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
     before = {*ros.node.guards}
     thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
-                            ignore_nothing, lambda: now)
+                            ignore_nothing, ignore_nothing, lambda: now)
     (guard,) = {*ros.node.guards} - before
     guard.trigger = lambda: wakes.append(now)
 
@@ -237,7 +237,7 @@ def test_in_a_pause_only_static_transforms_wake_the_thread(ros, sender):
         return False, False, 1000.0
 
     thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
-                            ignore_nothing)
+                            ignore_nothing, ignore_nothing)
     thread.start()
     eventually(lambda: rounds)
     sender.send(stamped(1))
@@ -734,6 +734,33 @@ def test_a_callback_may_end_the_listener_and_its_node(ros, sender, own):
     assert not ros.node.count_subscribers('/tf')
 
 
+@pytest.fixture
+def thread_errors(monkeypatch):
+    """The errors that have ended threads."""
+    errors = []
+    monkeypatch.setattr(threading, 'excepthook', lambda args: errors.append(args.exc_value))
+    return errors
+
+
+@pytest.mark.parametrize('is_destroyed', [True, False])
+def test_a_destroyed_handle_is_an_error_only_if_the_node_lives(own, thread_errors, is_destroyed):
+    """`destroy_node` destroys publishers first, and long before it tells the listener."""
+    Recording(Buffer(node=own), own, spin_thread=True)
+    (thread,) = threads_of_listeners()
+    publisher = own.create_publisher(Empty, 'used', 10)
+    own.create_timer(0.0, lambda: publisher.publish(Empty()))
+    service = own.create_service(Trigger, 'slow', ignore)
+    destroy = service.destroy
+    service.destroy = lambda: (thread.join(TIMEOUT), destroy())
+    if is_destroyed:
+        own.destroy_node()
+    else:
+        own.destroy_publisher(publisher)
+        thread.join(TIMEOUT)
+    assert not thread.is_alive()
+    assert [type(error) for error in thread_errors] == [InvalidHandle] * (not is_destroyed)
+
+
 def test_the_subscriptions_of_overridden_callbacks_end_with_the_listener(ros, listen):
     """They are ordinary subscriptions of the node."""
     before = [*ros.node.subscriptions], [*ros.node.guards]
@@ -1010,6 +1037,29 @@ def test_an_end_within_a_block_of_the_buffer(sender, own, end):
         return True
 
     assert run_in_thread(run)
+    eventually(lambda: not threads_of_listeners())
+
+
+@pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
+def test_a_late_thread_destroys_nothing(ros, sender, own, listen, end):
+    """The thread that ends the listener destroys the subscriptions, also before the other ends."""
+    buffer, listener = listen(node=own)
+    is_called, is_over = threading.Event(), threading.Event()
+
+    def wait(_):
+        is_called.set()
+        is_over.wait(TIMEOUT)
+
+    buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(wait)
+    eventually(lambda: ros.node.count_subscribers('/tf') == 1)
+    sender.send(stamped(1))
+    assert is_called.wait(TIMEOUT)
+    {'unregister': listener.unregister, 'destroy_node': own.destroy_node}[end]()
+    try:
+        eventually(lambda: not ros.node.count_subscribers('/tf'))
+        assert threads_of_listeners()
+    finally:
+        is_over.set()
     eventually(lambda: not threads_of_listeners())
 
 

@@ -40,13 +40,13 @@ WAIT = Duration(seconds=TIMEOUT)
 class Ending:
     """A listener that receives what its own node publishes, and the ways to end it."""
 
-    def __init__(self, steps=(), context=None):
+    def __init__(self, steps=(), context=None, kind=TransformListener):
         """Start the listener in a context, or the default one; wait for a message."""
         self.steps, self.context = steps, context
         self.node = rclpy.create_node('ending', context=context)
         self.buffer = Buffer(node=self.node)
         before = {*threading.enumerate()}
-        self.listener = TransformListener(self.buffer, self.node)
+        self.listener = kind(self.buffer, self.node, spin_thread=True)
         (self.thread,) = {*threading.enumerate()} - before
         self.broadcaster = TransformBroadcaster(self.node)
         self.prepared = self.broadcaster.prepare(
