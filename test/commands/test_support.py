@@ -6,9 +6,10 @@ import subprocess
 import sys
 
 from cli_runner import call
+from environment import ROOT
 from processes import ARM, is_running, Process, reserved_domain
 import pytest
-from ros_node import Ros
+from ros_node import eventually, Ros
 from rosgraph_msgs.msg import Clock
 
 from dummy_arm.dummy_arm import main
@@ -52,6 +53,19 @@ def test_what_a_process_has_left_behind_is_ended(domain_id):
     process.close()
     assert not process.has_left_processes()
     assert not is_running(child)
+
+
+def test_processes_end_when_the_process_of_the_tests_dies():
+    """For example, an arm would run on after a segmentation fault of a worker of pytest-xdist."""
+    code = ('import os, signal, sys\n'
+            'sys.path.append("test/support")\n'
+            'from processes import Process\n'
+            'print(Process(0, "-c", "import time; time.sleep(600)").pid, flush=True)\n'
+            'os.kill(os.getpid(), signal.SIGKILL)\n')
+    done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, stdout=subprocess.PIPE,
+                          text=True, check=False)
+    assert done.returncode == -signal.SIGKILL
+    eventually(lambda: not is_running(int(done.stdout)))
 
 
 def test_a_command_that_is_called_leaves_the_node_of_the_test_its_discovery(ros, stranger):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 import contextlib
+from functools import cache
 import os
 from pathlib import Path
 import queue
@@ -26,6 +27,20 @@ _GRACE = 10.0  # s; a process normally ends within 0.2 s
 OF_THIS_ENVIRONMENT = 'LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE'
 #: The ids of the processes that belong to these tests.
 own_pids = {os.getpid()}
+#: Reads the ids of process groups, one in each line, negative ones of those that have ended; at
+#: the end of the lines, also when the process of the tests has died, it kills those that are left.
+_WATCHDOG = """
+import os, signal, sys
+groups = set()
+for line in sys.stdin:
+    group = int(line)
+    groups.add(group) if group > 0 else groups.discard(-group)
+for group in groups:
+    try:
+        os.killpg(group, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+"""
 
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:
@@ -83,6 +98,14 @@ def domain_id() -> Iterator[int]:
     yield from reserved_domain()
 
 
+@cache
+def _watchdog() -> Any:
+    """Start the process that ends the others if this one dies; return the pipe to it."""
+    return subprocess.Popen(
+        [sys.executable, '-S', '-c', _WATCHDOG], stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL, text=True, bufsize=1, start_new_session=True).stdin
+
+
 class Process:
     """A program that a test runs in a ROS domain, and whose output is read line by line."""
 
@@ -106,6 +129,7 @@ class Process:
         self._popen = subprocess.Popen(
             [python, '-u', *arguments], text=True, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, start_new_session=True, env=variables, **kwargs)
+        _watchdog().write(f'{self._popen.pid}\n')
         own_pids.add(self._popen.pid)
         assert self._popen.stdout is not None
         self._stdout = self._popen.stdout
@@ -187,6 +211,7 @@ class Process:
             self._popen.kill()
             self._popen.wait()
         self._end_group()
+        _watchdog().write(f'-{self._popen.pid}\n')
         self._reader.join()
         self._stdout.close()
 
