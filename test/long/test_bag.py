@@ -1,4 +1,4 @@
-"""Bags: cut off and damaged at many places, and with thousands of topics."""
+"""Bags: cut off and damaged at many places, each bit flipped, with thousands of topics."""
 
 import pytest
 
@@ -46,6 +46,13 @@ def test_damaged_at_300_places(tmp_path, kind):
     for at in range(0, len(whole), max(1, len(whole) // 300)):
         for new in b'\0' * 4, b'\xff' * 4, bytes([whole[at] ^ 1]):
             checked(path, file, whole[:at] + new + whole[at + len(new):])
+
+
+@pytest.mark.parametrize('compression', ['NONE', 'ZSTD'])
+def test_each_bit_of_an_mcap_file(tmp_path, show, compression):
+    """If a bit is flipped, the file is refused, or everything is read as without the flip."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap', compression=compression, seconds=5)
+    show(f'{bags.flips(path, range(8 * path.stat().st_size))} flips')
 
 
 def test_many_topics_with_headers(tmp_path):

@@ -249,6 +249,61 @@ def mcap_chunk(data, method='', size=None, crc=0):
                        + _text(method) + struct.pack('<Q', len(content)) + content)
 
 
+def checked_mcap(path, index='ALL', compression='NONE', seconds=1, **options):
+    """
+    Write a walk with texts between the transforms, and with metadata, by mcap's own writer.
+
+    There are checksums of the chunks and of the summary.
+
+    :param options: arguments of `mcap.writer.Writer`.
+    :returns: the path.
+    """
+    from mcap.writer import CompressionType, IndexType, Writer
+    with path.open('wb') as file:
+        writer = Writer(file, 600, compression=CompressionType[compression],
+                        index_types=IndexType[index], **options)
+        writer.start('ros2')
+        writer.add_metadata('rosbag2', {'distribution': 'jazzy'})
+        types = {name: writer.register_schema(name, 'ros2msg', b'') for name in (TF, STRING)}
+        channels = {topic: writer.register_channel(topic, 'cdr', types[name])
+                    for topic, name in (('/tf_static', TF), ('/tf', TF), ('/chatter', STRING))}
+        for topic, time, rows in walk(seconds, 5):
+            writer.add_message(channels[topic], time, ros2(rows), time)
+            for i in range(3):
+                writer.add_message(channels['/chatter'], time + i, string('x' * 100), time)
+        writer.finish()
+    return path
+
+
+def content(path, partial=False):
+    """Return the messages of TF, the begin and the end of a bag; or its error."""
+    try:
+        with puretf.bag.open(path, partial=partial) as bag:
+            found = [(each.topic.name, each.time, each.data) for each in bag.messages()]
+            return found, bag.begin, bag.end
+    except puretf.bag.BagError as error:
+        return str(error)
+
+
+def flips(path, bits):
+    """
+    Flip one bit of a bag after the other, whose numbers are given; count them.
+
+    Rule: the bag is refused, or its messages, begin and end are those without the flip.
+    """
+    whole, data, count = content(path), path.read_bytes(), 0
+    assert not isinstance(whole, str)
+    for bit in bits:
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(changed)
+        found = content(path)
+        assert found == whole or isinstance(found, str), bit
+        count += 1
+    path.write_bytes(data)
+    return count
+
+
 def _bytes(data):
     return struct.pack('<I', len(data)) + data
 

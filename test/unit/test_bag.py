@@ -12,6 +12,7 @@ import struct
 import sys
 import tracemalloc
 from types import SimpleNamespace
+from typing import Any
 
 from environment import on_unix
 from hypothesis import given
@@ -647,7 +648,8 @@ DAMAGES = {
     'checksum': (bags.mcap_chunk(bags.mcap_message([], S), crc=7), CHECKSUM),
     'zstd': (bags.mcap_chunk(bytes(99), 'zstd').replace(b'\x28\xb5', b'\x28\xb6'),
              'Unable to decompress'),
-    'length': (bags.mcap_chunk(bags.mcap_record(5, b'1')), 'unpack requires')}
+    'length': (bags.mcap_chunk(bags.mcap_record(5, b'1')),
+               'a message record of 1 bytes is shorter than its fields')}
 
 
 @pytest.mark.parametrize('damage', DAMAGES)
@@ -746,10 +748,17 @@ def by_mcap(path, messages=None, profile='ros2', metadata=None, index='ALL', chu
     return path
 
 
+#: With these options, a file has a footer with a checksum, and no summary.
+NO_SUMMARY: dict[str, Any] = {
+    'use_statistics': False, 'use_summary_offsets': False, 'repeat_channels': False,
+    'repeat_schemas': False, 'index': 'NONE'}
+
+
 @pytest.mark.parametrize('options', [
     {}, {'profile': ''}, {'profile': 'px4'}, {'use_statistics': False},
     {'use_summary_offsets': False}, {'repeat_channels': False}, {'repeat_schemas': False},
     {'use_chunking': False}, {'index': 'NONE'}, {'use_statistics': False, 'index': 'NONE'},
+    NO_SUMMARY,
     {'index': 'CHUNK'},  # rosbags counts messages by another index, and would skip such chunks
     {'use_statistics': False, 'repeat_channels': False, 'repeat_schemas': False}],
     ids=str)
@@ -807,6 +816,93 @@ def test_a_bit_of_the_summary(tmp_path, logs, part):
         'off, partial=True reads what is left')
     assert [frame.length for frame in read(path, partial=True).frames()] == [1, 101]
     assert 'the checksum of its summary is wrong' in messages(logs)
+
+
+def heads(data, kind, begin, end):
+    """Return the places of some bytes of all records of a kind, from the begin of a record on."""
+    places: list[int] = []
+    at = 8
+    while at < len(data) - 8:
+        if data[at] == kind:
+            places += range(at + begin, at + end)
+        at += 9 + int.from_bytes(data[at + 1:at + 9], 'little')
+    return places
+
+
+@pytest.mark.parametrize(('kind', 'begin', 'end', 'options'), [
+    (6, 0, 25, {}), (7, 0, 15, {}), (12, 0, 17, {}), (6, 9, 25, NO_SUMMARY)], ids=[
+        'chunk', 'message index', 'metadata', 'chunk without a summary'])
+def test_a_bit_that_no_checksum_covers(tmp_path, kind, begin, end, options):
+    """It is an error, or everything is read as without it: nothing is skipped because of it."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap', **options)
+    whole = bags.content(path)
+    assert (len(whole[0]), *whole[1:]) == (7, 100 * S, 101 * S + 1_000_002)
+    assert bags.flips(path, (8 * at + i for at in heads(path.read_bytes(), kind, begin, end)
+                             for i in range(8)))
+
+
+def test_a_message_index_that_contradicts_the_summary(tmp_path, logs):
+    """It is an error; with partial=True, the chunk is read."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap')
+    whole, data = bags.content(path), path.read_bytes()
+    flipped(path, heads(data, 7, 9, 10)[-1])
+    assert 'as the chunk index in its summary says' in bags.content(path)
+    assert bags.content(path, partial=True) == whole
+    assert 'as the chunk index in its summary says' in messages(logs)
+
+
+def test_statistics_that_contradict_the_messages(tmp_path):
+    """They tell that the channel of a message has changed in a chunk without a checksum."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap')
+    data = bytearray(path.read_bytes())
+    for at in heads(data, 6, 33, 34):
+        data[at:at + 4] = bytes(4)  # no checksum
+    path.write_bytes(data)
+    assert len(bags.content(path)[0]) == 7
+    (message, *_) = re.finditer(rb'\x05.\0{7}\x02\0', data, re.DOTALL)  # of /tf
+    data[message.end() - 2] = 3  # of /chatter
+    path.write_bytes(data)
+    assert 'its statistics announce 28 messages, but 28 were found, or' in bags.content(path)
+
+
+@pytest.mark.parametrize('kind', [3, 4, 5, 6, 7, 8, 11])
+@pytest.mark.parametrize('where', ['file', 'chunk'])
+def test_records_that_are_shorter_than_their_fields(tmp_path, kind, where):
+    """Nothing is read that a record does not contain; most kinds are ignored in chunks."""
+    whole = bags.mcap_message([bags.row(S, 'map', 'odom')], S)
+    for size in 0, 5, 21:
+        record = bags.mcap_record(kind, (b'\t\0\0\0' + b'\x7f' * 17)[:size])
+        path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(), *(
+            [record, whole] if where == 'file' else [bags.mcap_chunk(record + whole)]))
+        if where == 'file' or kind <= 5:
+            assert f' record of {size} bytes is shorter than its fields.' in outcome(path)
+        else:
+            assert outcome(path) == ['odom']
+
+
+def test_fields_behind_the_known_ones(tmp_path):
+    """They are skipped, in a time that does not grow with the square of their length."""
+    path = bags.mcap(
+        tmp_path / 'x.mcap', bags.mcap_channel(), bags.mcap_record(
+            4, b'\2\0\0\0' b'\2\0\0\0/x' b'\3\0\0\0cdr' b'\0\0\0\0' + bytes(2**23)),
+        bags.mcap_message([bags.row(S, 'map', 'odom')], S))
+    assert outcome(path) == ['odom']
+
+
+def test_a_summary_that_is_nearly_the_whole_file(tmp_path):
+    """Its checksum is computed piece by piece."""
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(b'\x89MCAP0\r\n' + bytes(2 * BOMB) + bags.mcap_record(
+        2, struct.pack('<QQI', 8, 0, 7)) + b'\x89MCAP0\r\n')
+    assert_refused_early(path, 'the checksum of its summary is wrong')
+
+
+@pytest.mark.parametrize('kind', [3, 4, 5, 8, 11])
+def test_a_record_that_is_larger_than_the_limit(tmp_path, kind):
+    """It is refused before it is read."""
+    path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(), bags.mcap_record(
+        kind, struct.pack('<HIQQ', 1, 0, S, S) + bytes(BOMB)))
+    assert_refused_early(path, f'a record of {BOMB + 22 * (kind != 5)} bytes', max_bytes=LIMIT)
 
 
 @pytest.mark.parametrize('repeat_channels', [True, False])
