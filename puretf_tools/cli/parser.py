@@ -12,7 +12,7 @@ from typing import Any, NoReturn, Optional
 from puretf import near_names, visible
 from puretf_tools.cli.errors import CommandError as CommandError
 from puretf_tools.cli.errors import UsageError as UsageError
-from puretf_tools.cli.signals import record_signals, signal_received
+from puretf_tools.cli.signals import record_signals, signal_received, unchecked_signals_end
 
 
 class Parser(argparse.ArgumentParser):
@@ -71,7 +71,8 @@ def run(parser: Parser, command: Callable[..., int],
         bag = options.get('bag')
         parser.finish(options)
         _make_writable()
-        return command(ros_args=arguments, **options)
+        with unchecked_signals_end():
+            return command(ros_args=arguments, **options)
     except KeyboardInterrupt:
         if number := bag and (signal_received() or signal.SIGINT):
             print(f'{parser.prog}: ended early by {signal.Signals(number).name}', file=sys.stderr)

@@ -3,8 +3,9 @@ Signal handlers that end a command on SIGINT (Ctrl-C) and SIGTERM.
 
 The first signal is only recorded. The command checks for it where it can stop without leaving
 anything half done: `sleep`, `wait_until` and `check_signals` raise KeyboardInterrupt, which
-`cli.parser.run` turns into a normal end; the spinning of `cli.node` ends. The second signal raises
-KeyboardInterrupt at once, except during the cleanup at the end of a command.
+`cli.parser.run` turns into a normal end; the spinning of `cli.node` ends. If nothing checks for it
+within 2 s, as in a long loop of a library, the first signal raises KeyboardInterrupt, too. The
+second signal does so at once, except during the cleanup at the end of a command.
 
 The last resort: if the shutdown of ROS, or then the exit of Python, takes more than 5 s each, or
 at the third signal, the process ends at once, by _exit. Nothing but this is limited, so a command
@@ -24,6 +25,8 @@ from typing import Any
 _SIGNALS = signal.SIGINT, signal.SIGTERM
 #: The longest `time.sleep` (s), which a recorded signal does not end (PEP 475).
 _STEP = 0.05
+#: How long a command may go on without a check for a signal that it has received (s).
+_LONGEST_UNCHECKED = 2.0
 #: How long the shutdown of ROS, and the exit of Python, may take (s).
 _LONGEST_END = 5
 #: The name of the command; libc keeps a pointer to it.
@@ -34,6 +37,8 @@ _last_resort: list[Any] = []
 _received: list[int] = []
 #: The number of signals that are only recorded. Each signal after them raises KeyboardInterrupt.
 _recorded = 1
+#: True while a signal that is not checked for ends the command.
+_is_limited = False
 
 
 def record_signals() -> dict[int, Any]:
@@ -42,6 +47,31 @@ def record_signals() -> dict[int, Any]:
         return {}
     forget_signals()
     return {number: signal.signal(number, _record) for number in _SIGNALS}
+
+
+@contextmanager
+def unchecked_signals_end() -> Iterator[None]:
+    """In the `with` block, raise KeyboardInterrupt if a signal is not checked for within 2 s."""
+    global _is_limited
+    if not hasattr(signal, 'setitimer'):  # on Windows
+        yield
+        return
+    before, _is_limited = signal.signal(signal.SIGALRM, _interrupt), True
+    try:
+        yield
+    finally:
+        _set_timer(0.0)
+        _is_limited = False
+        signal.signal(signal.SIGALRM, before)
+
+
+def _set_timer(seconds: float) -> None:
+    if _is_limited:
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 @contextmanager
@@ -65,6 +95,7 @@ def begin_cleanup() -> None:
     """
     global _recorded
     _recorded = 2
+    _set_timer(0.0)
     _limit_end()
 
 
@@ -120,7 +151,10 @@ def begin_exit() -> None:
 
 def signal_received() -> int:
     """Return the first signal that was received, or 0."""
-    return _received[0] if _received else 0
+    if _received:
+        _set_timer(0.0)
+        return _received[0]
+    return 0
 
 
 def sleep(seconds: float) -> None:
@@ -140,7 +174,7 @@ def wait_until(seconds: float, holds: Callable[[], object]) -> bool:
 
 
 def check_signals() -> None:
-    if _received:
+    if signal_received():
         raise KeyboardInterrupt
 
 
@@ -151,3 +185,5 @@ def _record(number: int, _: object) -> None:
             os.write(2, _NAME + b': ended before the cleanup was complete\n')
             os._exit(128 + _received[0])
         raise KeyboardInterrupt
+    if _recorded == 1:  # the cleanup has its own limit
+        _set_timer(_LONGEST_UNCHECKED)

@@ -199,9 +199,30 @@ def walk(tmp_path_factory):
     return str(bags.make(tmp_path_factory.mktemp('bags') / 'walk.bag', 'bag', bags.walk(3000)))
 
 
-@pytest.mark.parametrize('command', [
-    'tf2_echo map odom', 'tf_doctor', 'tf_doctor map odom', 'tf_trajectory map base_link -o x.csv',
-    'view_frames', 'web_view --export x.html'])
+WITH_BAG = ['tf2_echo map odom', 'tf_doctor', 'tf_doctor map odom',
+            'tf_trajectory map base_link -o x.csv', 'view_frames', 'web_view --export x.html']
+
+
+@pytest.mark.parametrize('command', WITH_BAG)
+def test_a_signal_in_a_loop_that_does_not_check_for_it(tmp_path, start, walk, command):
+    """It ends the command after some seconds, wherever in the reading of a bag the loop is."""
+    name, *arguments = command.split()
+    option, code = tool(name, *arguments, '--bag', walk)[:2]
+    process = start(option, (
+        'import puretf._bag.files as files\n'
+        'def read_for_ever(path, contents):\n'
+        '    print("begun", flush=True)\n'
+        '    while True:\n'
+        '        pass\n'
+        'files._READERS[".bag"] = read_for_ever\n' + code), *arguments, '--bag', walk,
+        cwd=tmp_path)
+    process.line_with('begun')
+    process.end(signal.SIGTERM)
+    assert process.exit_code() == 128 + signal.SIGTERM
+    assert process.output == f'begun\n{name}: ended early by SIGTERM\n'
+
+
+@pytest.mark.parametrize('command', WITH_BAG)
 def test_ctrl_c_while_a_bag_is_read(tmp_path, monkeypatch, walk, command):
     """The exit code is that of a shell, since there is no result; one line says so."""
     monkeypatch.chdir(tmp_path)
