@@ -44,19 +44,21 @@ class TransformBuffer(BufferBase):
         self._engine.tree.takes_ns = True
 
     @classmethod
-    def copy_of(cls, buffer: BufferBase, since: Any = 0) -> 'TransformBuffer':
+    def copy_of(cls, buffer: BufferBase, since: Any = -2**63) -> 'TransformBuffer':
         """
         Return a copy of a buffer, without limits of the number of frames and samples.
 
-        :param since: samples that are not needed from this time on (ns) are left out.
+        :param since: samples that are not needed from this time on (ns) are left out; by default,
+            none is.
         :raises TypeError: if the buffer is none of puretf, or the time has a wrong type.
         """
         engine, stamp = engine_of(buffer), nanoseconds_or_int(since, 'since')
         copy = cls(engine.tree.cache_time, max_frames=sys.maxsize, max_samples=None)
         with engine.reading():
             copy._engine.tree.histories.update({
-                name: history and history.copy(stamp)
+                name: None if history is None else history.copy(stamp)
                 for name, history in engine.tree.histories.items()})
+        copy._engine.tree.advice = engine.tree.advice
         return copy
 
     @classmethod
@@ -77,7 +79,7 @@ class TransformBuffer(BufferBase):
                 buffer._engine.tree.histories[name] = history = load(
                     frame, buffer._engine.tree.cache_time)
                 parents = () if history is None else history.all_parents
-                if not name or name.startswith('/') or name in parents or any(
+                if not isinstance(name, str) or name in ('', *parents) or any(
                         parent not in dump for parent in parents):
                     raise ValueError('a wrong name of the frame, or of a parent')
             except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:

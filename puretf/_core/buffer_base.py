@@ -326,12 +326,14 @@ class BufferBase:
         """
         Return all data of the buffer, as lists and dicts that `json` can write.
 
-        :returns: a dict from the name of each frame to a dict with five keys. Three keys have a
+        :returns: a dict from the name of each frame to a dict with six keys. Three keys have a
             list with one item for each sample, in the order of the stamps: an item of `parents` is
             a name, an item of `stamps` is an int (ns), and an item of `poses` is a list of 7
             float: x, y, z (m) and the quaternion x, y, z, w. `authority` is the publisher of the
-            sample that was inserted last, and `is_static` is a bool. A static frame has one
-            sample, with stamp 0. A frame that has occurred only as a parent has no samples.
+            sample that was inserted last, `is_static` is a bool, and `arrived` the stamp (ns) of
+            the transform that arrived last. A static frame has one sample, with stamp 0. A frame
+            that has occurred only as a parent has no samples, and `arrived` is None. A frame whose
+            samples `clear` has removed has none, either, and `arrived` is 0.
         """
         with self._engine.reading():
             return self._engine.tree.dump()

@@ -5,7 +5,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from copy import copy
 from math import acos, sin, sqrt
-from operator import itemgetter
+from operator import index, itemgetter
 import struct
 from time import monotonic_ns
 from typing import Any, Optional, Union
@@ -125,9 +125,12 @@ class History:
 
     def copy(self, since: int) -> 'History':
         """Return a copy with what is needed for lookups from a time (ns) on."""
-        first = max(self.start, bisect_right(self.stamps, since) - 1)
+        # The newest sample before this time, since find() treats the oldest stamp differently.
+        first = max(self.start, bisect_left(self.stamps, since) - 1)
         other = copy(self)
-        other.start, other.stamps = 0, self.stamps[first:]
+        other.start = min(self.start, 1)  # one dropped sample says that there were others
+        first -= other.start
+        other.stamps = self.stamps[first:]
         other.poses = self.poses[first * POSE_BYTES:]
         other.parents = self.parents and self.parents[first:]
         other.all_parents = dict(self.all_parents)
@@ -356,7 +359,7 @@ class History:
         return {'parents': [self.parent_of(i) for i in indices],
                 'stamps': self.stamps[self.start:].tolist(),
                 'poses': [list(self.pose(i)) for i in indices],
-                'authority': self.authority, 'is_static': False}
+                'authority': self.authority, 'is_static': False, 'arrived': self.arrived}
 
 
 class StaticHistory:
@@ -399,14 +402,14 @@ class StaticHistory:
 
     def dump(self) -> dict[str, Any]:
         return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
-                'authority': self.authority, 'is_static': True}
+                'authority': self.authority, 'is_static': True, 'arrived': 0}
 
 
 AnyHistory = Union[History, StaticHistory]
 
 
 def load(dump: Mapping[str, Any], cache_time: int) -> Optional[AnyHistory]:
-    """Return the history whose data `dump` has returned; None: it had no samples."""
+    """Return the history whose data `dump` has returned; None: the frame is only a parent."""
     stamps, parents, authority = array('q', dump['stamps']), [*dump['parents']], dump['authority']
     poses = np.array(dump['poses'], np.float64).reshape(-1, 7)
     if not len(stamps) == len(parents) == len(poses):
@@ -416,8 +419,9 @@ def load(dump: Mapping[str, Any], cache_time: int) -> Optional[AnyHistory]:
         raise ValueError('the stamps must be in order, and the rotations normalised')
     if not all(isinstance(name, str) for name in (*parents, authority)):
         raise TypeError('parents and authority must be names')
+    arrived = dump.get('arrived', stamps[-1] if parents else None)  # older dumps have none
     if not parents:
-        return None
+        return None if arrived is None else History(cache_time)
     if dump['is_static']:
         x, y, z, qx, qy, qz, qw = poses[0].tolist()
         return StaticHistory(parents[0], (x, y, z, qx, qy, qz, qw), authority)
@@ -427,5 +431,5 @@ def load(dump: Mapping[str, Any], cache_time: int) -> Optional[AnyHistory]:
     history.parents, history.all_parents = parents, dict.fromkeys(parents)
     if len(history.all_parents) == 1:
         history.parents, history.only_parent = None, parents[0]
-    history.arrived, history.arrival = stamps[-1], monotonic_ns()
+    history.arrived, history.arrival = index(arrived), monotonic_ns()
     return history

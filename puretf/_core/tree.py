@@ -84,7 +84,8 @@ class FrameTree:
         return any(isinstance(history, History) for history in tuple(self.histories.values()))
 
     def dump(self) -> dict[str, dict[str, Any]]:
-        return {name: (history or History(0)).dump() for name, history in self.histories.items()}
+        return {name: {**History(0).dump(), 'arrived': None} if history is None else history.dump()
+                for name, history in self.histories.items()}
 
     def newest_edges(self) -> list[tuple[str, Optional[str]]]:
         """Return the frames that have had a parent, each with the newest (None: cleared)."""
