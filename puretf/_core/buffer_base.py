@@ -2,7 +2,7 @@
 
 from collections.abc import Container, Iterable, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Literal, Optional, overload, Union
+from typing import Any, Literal, NoReturn, Optional, overload, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -337,6 +337,12 @@ class BufferBase:
         """
         with self._engine.reading():
             return self._engine.tree.dump()
+
+    def __getstate__(self) -> NoReturn:
+        """Raise a TypeError: a buffer has a lock, and perhaps a listener."""
+        raise TypeError(
+            f'a {type(self).__name__} can be neither pickled nor copied: use its dump() and '
+            'TransformBuffer.load(), or TransformBuffer.copy_of()')
 
     # What the lookups of all buffers share. The times are of the type of the buffer, the timeout
     # in s. A subclass says how a time is converted, and what a lookup returns.

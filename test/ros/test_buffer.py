@@ -1,7 +1,9 @@
 """Buffer: the interface of tf2_ros, waiting, and the release of resources."""
 
 from collections.abc import Iterator
+from copy import copy, deepcopy
 import gc
+import pickle
 import sys
 import threading
 from typing import Any
@@ -620,6 +622,13 @@ def test_the_buffer_of_tf2_py():
     assert not hasattr(buffer, 'transform')
     with pytest.raises(TypeError, match='expected a TransformStamped'):
         buffer.set_transform('tool', 'me')
+
+
+@pytest.mark.parametrize('kind', [Buffer, BufferCore])
+def test_a_buffer_is_not_pickled(kind):
+    for make in copy, deepcopy, pickle.dumps:
+        with pytest.raises(TypeError, match=rf'^a {kind.__name__} can be neither pickled nor cop'):
+            make(kind())
 
 
 def test_a_buffer_without_node_has_a_clock():

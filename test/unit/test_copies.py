@@ -1,6 +1,9 @@
 """Copies of buffers, by copy_of, or by dump and load: they answer as the original does."""
 
+from copy import copy, deepcopy
+from functools import partial
 import json
+import pickle
 
 from environment import ROOT
 from hypothesis import given
@@ -148,3 +151,13 @@ def test_an_old_dump_is_loaded():
     assert buffer.frame_names() == ['gone', 'map', 'base', 'odom', 'laser']
     assert buffer.lookup_transform('map', 'base', -10**9).translation[0] == 1.0
     assert buffer.frames()[0].arrived == 2 * 10**9
+
+
+@pytest.mark.parametrize('protocol', range(pickle.HIGHEST_PROTOCOL + 1))
+def test_a_buffer_is_not_pickled(protocol):
+    """The error names what can be used."""
+    for make in copy, deepcopy, partial(pickle.dumps, protocol=protocol):
+        with pytest.raises(TypeError, match=(
+                r'^a TransformBuffer can be neither pickled nor copied: use its dump\(\) and '
+                r'TransformBuffer.load\(\), or TransformBuffer.copy_of\(\)$')):
+            make(buffer_of(1))
