@@ -157,7 +157,8 @@ class Bag(AbstractContextManager['Bag']):
 
     def _known(self) -> Contents:
         if not self._contents.topics:
-            deque(self._records(), 0)
+            self._contents = Contents(*self._about)
+            deque(self._records(self._contents), 0)
         return self._contents
 
     def messages(self, *, tf: bool = True, headers: bool = False,
@@ -181,11 +182,10 @@ class Bag(AbstractContextManager['Bag']):
         :raises BagError: if the bag cannot be read, see `read`; or if it has no TF messages,
             although `tf` is True.
         """
-        count = 0
-        for record in self._records(tf, headers, others, start, stop):
-            count += record[0].is_static is not None
+        contents = self._contents = Contents(*self._about, tf, headers, others)
+        for record in self._records(contents, start, stop):
             yield BagMessage(*record)
-        self._finish(count, tf, headers)
+        self._finish(contents, tf, headers)
 
     def read(self, *, cache_time: Any = None, max_samples: Optional[int] = None,
              headers: bool = False, others: Collection[Other] = (),
@@ -212,19 +212,19 @@ class Bag(AbstractContextManager['Bag']):
         engine = engine_of(buffer)
         faults: Counter[str] = Counter()  # by their kinds, which precede the colon
         readers: dict[Topic, MessageReader] = {}
-        count = 0
-        for groups in _grouped_by_topic(self._records(True, headers, others), on_message,
+        contents = self._contents = Contents(*self._about, True, headers, others)
+        for groups in _grouped_by_topic(self._records(contents), on_message,
                                         engine.tree.cache_time < _ALL_TIME, batch_time):
             for topic, messages in groups.items():
                 reader = readers.setdefault(topic, MessageReader(
                     lambda error: faults.update([str(error).partition(':')[0]]), topic.encoding))
                 engine.insert_batches(
                     reader.read(messages, topic.publisher, bool(topic.is_static)))
-                count += len(messages)
+        count = contents.tf_count
         for fault, times in faults.items():
             _log.warning('%s: skipped %d of %d TF messages, which cannot be decoded: %s',
                          self.path, times, count, fault)
-        self._finish(count)
+        self._finish(contents)
         frames = buffer.frames()
         if not frames:
             raise BagError(
@@ -233,12 +233,10 @@ class Bag(AbstractContextManager['Bag']):
             engine.tree.advice = f' {self.missing_part}'
         return buffer
 
-    def _records(self, tf: bool = False, headers: bool = False, others: Collection[Other] = (),
-                 start: int = 0, stop: int = 2**63) -> Iterator[Record]:
+    def _records(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
         """Yield the messages that are wanted; read the headers of others."""
         from puretf._bag.files import records
         from puretf._bag.unpacking import too_large, unpacked
-        contents = self._contents = Contents(*self._about, tf, headers, others)
         limit = contents.max_bytes
         for number, path in enumerate(self.files):
             self._on_progress(number / len(self.files))
@@ -247,20 +245,23 @@ class Bag(AbstractContextManager['Bag']):
                     self._on_progress((number + item) / len(self.files))
                     continue
                 topic, time, data = item
-                if topic.is_wanted and (start <= time < stop or topic.is_static):
-                    whole = unpacked(data, limit + 1)
-                    if len(whole) <= limit:
+                is_inside = topic.is_wanted and (start <= time < stop or topic.is_static)
+                whole = unpacked(data, limit + 1) if is_inside else b''
+                if len(whole) > limit:
+                    contents.add_damage(too_large(
+                        f'a message of {len(data)} bytes', f'more than {limit}', limit))
+                elif topic.is_wanted:
+                    contents.tf_count += topic.is_static is not None
+                    if is_inside:
                         yield topic, time, whole
-                    else:
-                        contents.add_damage(too_large(
-                            f'a message of {len(data)} bytes', f'more than {limit}', limit))
-                elif not topic.is_wanted and topic.headers.wants_next():
+                elif topic.headers.wants_next():
                     topic.headers.add(time, unpacked(data, _HEADER))
         self._on_progress(1.0)
 
-    def _finish(self, count: int, tf: bool = True, accepts_wrong_types: bool = False) -> None:
-        """Report that the bag, with `count` TF messages, has been read; log its damage."""
-        contents = self._contents
+    def _finish(self, contents: Contents, tf: bool = True, accepts_wrong_types: bool = False
+                ) -> None:
+        """Report that the bag has been read; log its damage."""
+        count = contents.tf_count
         damage, wrong_types = ' '.join(contents.damage[:_MOST_FAULTS]), contents.wrong_types()
         if tf and not count and not (wrong_types and accepts_wrong_types):
             if damage:

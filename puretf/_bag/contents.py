@@ -68,6 +68,7 @@ class Contents:
         self._of_node: dict[tuple[Topic, str], Topic] = {}
         #: When the first and the last message were recorded (ns); (0, 0): there is none.
         self.begin, self.end = 0, 0
+        self.tf_count = 0  #: the number of TF messages that can be read, in the window or not
         self.damage: list[str] = []  #: descriptions of the faults in its files
 
     def topic(self, name: str, msgtype: str, definition: str, encoding: str, qos: str = '',

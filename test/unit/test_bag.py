@@ -82,6 +82,22 @@ def test_every_kind_gives_the_same(tmp_path, logs, kind):
     assert not logs
 
 
+@pytest.mark.parametrize('kind', PLAIN)
+@pytest.mark.parametrize('window', [(1, 1 * S), (2 * S, 3 * S), (4 * S, 2**63), (3 * S, S)])
+def test_a_window_without_tf(tmp_path, kind, window):
+    """Whether a bag has TF is a question about the bag; other messages of the window are read."""
+    path = bags.make(tmp_path, kind, [
+        ('/tf', time * S, [bags.row(time * S, 'map', 'odom')]) for time in (1, 3)] + [
+        ('/scan', 2 * S, bags.point('map', version=1 if kind == 'bag' else 2), POINT)])
+    start, stop = window
+    with bag.open(path) as opened:
+        assert [*opened.messages(start=start, stop=stop)] == []
+        found = [*opened.messages(others=['/scan'], start=start, stop=stop)]
+        assert [message.topic.name for message in found] == ['/scan'] * (start <= 2 * S < stop)
+    with bag.open(path, namespace='robot') as opened, pytest.raises(BagError, match='has no TF'):
+        next(opened.messages(start=start, stop=stop))
+
+
 def decoded(path, name, **kwargs):
     """Return the topic and the text of each string."""
     return [(message.topic.name, text.data) for message in bags.messages(
