@@ -388,7 +388,8 @@ def _without_listener(edge: Edge, time: int) -> str:
         return see('Extrapolation into the future')
     if edge.takes_ns and edge.oldest <= time * SECOND <= edge.latest:
         return f' Times are in ns: {time} s is within the data, {time} ns is not.'
-    return (_refused(edge, Surroundings(), time) or _dropped(edge, time)
+    around = Surroundings()
+    return (_refused(edge, around, time) or _dropped(edge, time, around)
             or see('Extrapolation into the past'))
 
 
@@ -469,32 +470,36 @@ def _early(edge: Edge, time: int, around: Surroundings) -> str:
         return refused
     if edge.samples == 1 and not edge.still_arrives and not edge.has_dropped:
         return _one_time(edge)
-    distance, ahead = edge.oldest - time, edge.latest - around.now
-    if distance > _DAY:
-        clocks = _which_clocks(edge, time, around)
-        return (f' {clocks[0].upper()}{clocks[1:]} {_CLOCKS}'
-                f'{see("use_sim_time and the wall clock")}')
+    ahead = edge.latest - around.now
+    if edge.oldest - time > _DAY:
+        return _other_clock(edge, time, around)
     if around.now and ahead > _RECENT and edge.still_arrives:
         return (f' Data still arrive, {ahead / SECOND:.1f} s ahead of the clock of this node '
                 f'(clocks that differ). {_CLOCKS}{see("use_sim_time and the wall clock")}')
-    if dropped := _dropped(edge, time):
-        return dropped if distance <= _OTHER_CLOCK else (
-            f' If that stamp is not so old, the clocks differ. {_CLOCKS}{dropped}')
-    return (
+    return _dropped(edge, time, around) or (
         ' That time is before the first transform that was received. Skip such times, or start '
         f'the listener before its data come.{see("Extrapolation into the past")}')
 
 
-def _dropped(edge: Edge, time: int) -> str:
+def _other_clock(edge: Edge, time: int, around: Surroundings) -> str:
+    clocks = _which_clocks(edge, time, around)
+    return f' {clocks[0].upper()}{clocks[1:]} {_CLOCKS}{see("use_sim_time and the wall clock")}'
+
+
+def _dropped(edge: Edge, time: int, around: Surroundings) -> str:
     """Say that earlier transforms have been dropped; '' if none has."""
     if not edge.has_dropped:
         return ''
+    if (distance := edge.oldest - time) > _DAY:
+        return _other_clock(edge, time, around)
+    clocks = ('' if distance <= _OTHER_CLOCK else
+              f' If that stamp is not so old, the clocks differ. {_CLOCKS}')
     section = see('Extrapolation into the past')
     if time < edge.latest - edge.cache_time:
-        return (f' The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame. Pass a '
-                f'longer cache_time to the buffer, or look up sooner.{section}')
-    return (' Its earlier transforms have been dropped. Pass a longer cache_time, or a larger '
-            f'max_samples, to the buffer.{section}')
+        return (f'{clocks} The buffer keeps the last {edge.cache_time / SECOND:g} s of each '
+                f'frame. Pass a longer cache_time to the buffer, or look up sooner.{section}')
+    return (f'{clocks} Its earlier transforms have been dropped. Pass a longer cache_time, or a '
+            f'larger max_samples, to the buffer.{section}')
 
 
 def _refused(edge: Edge, around: Surroundings, time: int) -> str:

@@ -223,9 +223,18 @@ def test_a_time_of_another_clock(surroundings, which):
         f'{which}. {CLOCKS} {see("use_sim_time and the wall clock")}')
 
 
-def test_an_old_message_may_be_stamped_by_another_clock():
+def test_a_time_of_another_clock_without_a_listener():
+    """No cache would be long enough."""
+    buffer = buffer_of(*range(T - 2 * S, T + 10 * S, S), cache_time=S)
+    assert hint_of(buffer, 5 * S) == (
+        'The requested time and the data are from different clocks, or from a recording. '
+        f'{CLOCKS} {see("use_sim_time and the wall clock")}')
+
+
+@pytest.mark.parametrize('surroundings', [{}, {'now': T, **HEARD}])
+def test_an_old_message_may_be_stamped_by_another_clock(surroundings):
     """Both causes are possible at a minute before the data."""
-    assert hint_of(buffer_of(T - 90 * S, T - S, T, T, now=T, **HEARD), T - 70 * S) == (
+    assert hint_of(buffer_of(T - 90 * S, T - S, T, T, **surroundings), T - 70 * S) == (
         f'If that stamp is not so old, the clocks differ. {CLOCKS} The buffer keeps the last 10 s '
         f'of each frame. Pass a longer cache_time to the buffer, or look up sooner. {PAST}')
 
