@@ -152,7 +152,8 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     Interpolate between two rotations (slerp), at constant angular velocity about a fixed axis.
 
     :param fraction: from 0 (`quat0`, exactly) to 1 (`quat1`); other values extrapolate.
-    :param spin: the number of whole turns that are added between the two rotations.
+    :param spin: the number of whole turns that are added between the two rotations. If it is odd,
+        results of tf_transformations differ, and do not have length 1.
     :param shortestpath: True: rotate by the smaller angle. False: if the dot product of the
         quaternions is negative, rotate by the larger angle, in the opposite direction. If the two
         rotations are equal, there is no axis, and `spin` and `shortestpath` have no effect.

@@ -6,9 +6,9 @@ transform column vectors (x, y, z, 1). Except where a function says otherwise, a
 has three numbers, and results are float64. ROS is not needed.
 
 The functions of Euler angles and quaternions check their arguments as `puretf.rotations`
-does, but a quaternion of length zero is no rotation. The functions that only computer graphics
-needs (projections, clipping, the virtual trackball) call the module of C. Gohlke from which all of
-these names come, and of which transforms3d contains a copy.
+does, but a quaternion of length zero is no rotation. `quaternion_slerp` and the functions that
+only computer graphics needs (projections, clipping, the virtual trackball) call the module of
+C. Gohlke from which all of these names come, and of which transforms3d contains a copy.
 """
 
 from collections.abc import Iterable, Sequence
@@ -335,17 +335,18 @@ def quaternion_inverse(quaternion: Iterable[float]) -> Array:
 def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: float,
                      spin: int = 0, shortestpath: bool = True) -> Array:
     """
-    Interpolate between two rotations (slerp).
+    Interpolate between two rotations (slerp), with the results of the real package.
 
     :param quat0: x, y, z, w of the first rotation.
     :param quat1: x, y, z, w of the second rotation.
     :param fraction: from 0 (`quat0`) to 1 (`quat1`); other values extrapolate.
     :param spin: the number of half turns of the quaternion that are added on the way.
     :param shortestpath: whether to take the shorter way.
-    :returns: (4,): the unit quaternion x, y, z, w.
+    :returns: (4,): x, y, z, w; of length 1 if `spin` is even.
     :raises ValueError: if a quaternion has length zero.
     """
-    return np.array(rotations.quaternion_slerp(quat0, quat1, fraction, spin, shortestpath))
+    ends = (rotations.quaternion_slerp(quat0, quat1, end) for end in (0.0, 1.0))
+    return np.asarray(_gohlketransforms.quaternion_slerp(*ends, fraction, spin, shortestpath))
 
 
 def random_quaternion(rand: Optional[Sequence[float]] = None) -> Array:

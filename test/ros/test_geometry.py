@@ -147,6 +147,9 @@ def test_a_pose_with_covariance(buffer):
     assert xyz_of(result.pose.pose.position) == pytest.approx(XYZ)
     assert transform_covariance(range(36), transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
                                 ) == pytest.approx(list(range(36)))
+    doubled = transform(xyzw=np.multiply(2.0, XYZW).tolist())  # tf2 does not normalise it
+    assert transform_covariance(pose.pose.covariance, doubled) == pytest.approx(
+        np.cov(turned).reshape(36))
 
 
 def test_a_polygon(buffer):

@@ -62,6 +62,37 @@ def test_quaternions_are_those_of_rotations():
             assert same(getattr(tft, name)(*arguments), getattr(rotations, name)(*arguments))
 
 
+@pytest.mark.parametrize('shortestpath', [True, False])
+@pytest.mark.parametrize('spin', [0, 1, 2, -1, -2, 3])
+def test_slerp_with_spin(spin, shortestpath):
+    """The result is the oscillation u'' = -a² u from one to the other, with a = angle + spin π."""
+    for fraction in -0.5, 0.0, 0.25, 0.5, 0.9, 1.0, 2.0:
+        begin, end = tft.random_quaternion(), tft.random_quaternion()
+        found = tft.quaternion_slerp(2.0 * begin, end, fraction, spin, shortestpath)
+        if shortestpath and begin @ end < 0.0 and fraction != 1.0:
+            end = -end
+        angle = np.arccos(begin @ end) + spin * pi
+        velocity = (end - begin * np.cos(angle)) / np.sin(angle)
+        expected = begin * np.cos(fraction * angle) + velocity * np.sin(fraction * angle)
+        assert same(found, expected)
+
+
+def test_slerp_of_known_values():
+    """Half of a quarter turn with a spin of 1: sin(5π/8) / sin(5π/4) times the sum of the ends."""
+    end = (0.0, 0.0, 0.5 ** 0.5, 0.5 ** 0.5)
+    found = tft.quaternion_slerp((0, 0, 0, 1), end, 0.5, 1)
+    assert same(found, (0, 0, -0.9238795325, -2.2304424973))
+    for other in end, np.negative(end):  # equal rotations
+        for spin, shortestpath in product((0, 1, 2), (True, False)):
+            assert same(tft.quaternion_slerp(end, other, 0.5, spin, shortestpath), end)
+            assert same(tft.quaternion_slerp(end, other, 1.0, spin, shortestpath), other)
+    for wrong in (0, 0, 0, 0), (0, 0, float('nan'), 1):
+        with pytest.raises(ValueError, match='quaternion must'):
+            tft.quaternion_slerp(wrong, end, 0.5)
+        with pytest.raises(ValueError, match='quaternion must'):
+            tft.quaternion_slerp(end, wrong, 0.0)
+
+
 def test_what_programs_do_with_quaternions():
     """They use zeros as no rotation, and change the array that they get."""
     assert tft.euler_from_quaternion([0, 0, 0, 0]) == (0.0, 0.0, 0.0)
