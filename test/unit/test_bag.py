@@ -1,6 +1,6 @@
 """TF read from bags: of every kind, with the oddities of real ones, damaged, and within limits."""
 
-from contextlib import closing
+from contextlib import closing, suppress
 from io import StringIO
 from itertools import count, cycle, islice
 import os
@@ -479,10 +479,10 @@ def test_what_is_no_bag(tmp_path, partial):
 
 
 def test_a_database_of_something_else(tmp_path):
-    """The error names the file."""
+    """The error names the file, and says that it is not of rosbag2."""
     change(tmp_path / 'x.db3', 'CREATE TABLE friends (name TEXT)')
-    assert re.fullmatch(r'\S+/x\.db3 cannot be read: no such table: topics\..*', outcome(
-        tmp_path / 'x.db3'))
+    assert 'x.db3 cannot be read: it is no database of rosbag2 (no such table: topics). If' in (
+        outcome(tmp_path / 'x.db3'))
 
 
 @on_unix
@@ -733,6 +733,65 @@ def test_values_of_a_database_that_are_no_messages_or_topics(tmp_path, logs):
     assert read(path).frames()[1].length == 101 - len(values)
     skipped = re.findall('skipped ([0-9]+) of 102 TF messages, which cannot be', messages(logs))
     assert sum(map(int, skipped)) == len(values)
+
+
+#: Wrong values in a database, by the column: in SQL, and as an error shows them.
+WRONG = {
+    ('messages', 'timestamp'): {
+        '9e999': 'inf', '-9e999': '-inf', '1e30': '1e+30', '1.5': '1.5', '-5': '-5',
+        'NULL': 'None', "'noon'": "'noon'", "X'41'": "b'A'", "CAST(X'ff' AS TEXT)": "'\ufffd'"},
+    ('messages', 'topic_id'): {'9': '9', 'NULL': 'None', "'tf'": "'tf'", '9e999': 'inf'},
+    ('topics', 'id'): {'NULL': '(None, ', "'1; 2'": "('1; 2', "},
+    ('topics', 'name'): {'NULL': ', None, ', "X'41'": ", b'A', "}}
+WHY_WRONG = {
+    'timestamp': 'a message has the time {}, which is not a number of nanoseconds from 0 to '
+                 r'2\*\*63 - 1; the program sqlite3 can delete such messages\.',
+    'topic_id': 'a message has the topic {}, which is not in its table topics; the program '
+                r'sqlite3 can delete such messages\.',
+    'id': r'its table topics has the row {}.*\), which is not a number and texts\.',
+    'name': r'its table topics has the row \(\d{}.*\), which is not a number and texts\.'}
+
+
+def changed_database(folder, *statements):
+    """Return a database without constraints that was changed by SQL."""
+    path = bags.file_of(bags.make(folder, 'db3', bags.walk(3)))
+    change(path, *(each for table in ('topics', 'messages') for each in (
+        f'CREATE TABLE other AS SELECT * FROM {table}', f'DROP TABLE {table}',
+        f'ALTER TABLE other RENAME TO {table}')), *statements)
+    return path
+
+
+@pytest.mark.parametrize(('table', 'column', 'value', 'shown'), [
+    (*key, *each) for key, values in WRONG.items() for each in values.items()])
+def test_wrong_values_of_a_database(tmp_path, table, column, value, shown):
+    """The error has the value and the remedy; with partial=True, no such value is taken."""
+    path = changed_database(tmp_path, f'UPDATE {table} SET {column} = {value} WHERE id = 1')
+    why = WHY_WRONG[column].format(re.escape(shown))
+    assert re.fullmatch(rf'{path} cannot be read: {why} If it is damaged, .*', outcome(path))
+    with bag.open(path, partial=True) as found:
+        with suppress(BagError):
+            assert all(type(message.time) is int for message in found.messages())
+        assert type(found.begin) is type(found.end) is int
+
+
+@pytest.mark.parametrize(('table', 'column'), [
+    ('topics', 'id'), ('topics', 'type'), ('messages', 'timestamp')])
+def test_a_column_that_a_database_lacks(tmp_path, table, column):
+    """The error names it."""
+    path = changed_database(tmp_path, f'ALTER TABLE {table} RENAME COLUMN {column} TO other')
+    assert (f'{path} cannot be read: it is no database of rosbag2 (no such column: {column}). If'
+            ) in outcome(path)
+
+
+@on_unix
+def test_a_database_whose_log_cannot_be_read(tmp_path):
+    """The error names the log, and the remedy."""
+    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(3)))
+    change(path, 'PRAGMA journal_mode = wal')
+    path.with_name(f'{path.name}-wal').symlink_to(bags.file_of(bags.make(tmp_path, 'mcap', [])))
+    assert (f'{path} cannot be read: SQLite reports: unable to open database file. To read it '
+            f'with {path.name}-wal, end the program that writes them, or copy both into a '
+            'directory in which you can write. If') in outcome(path)
 
 
 def test_a_database_without_an_index(tmp_path):
