@@ -1,6 +1,6 @@
 """Which files are the parts of one recording, and in which order."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from glob import glob
 from itertools import filterfalse, islice
@@ -8,10 +8,9 @@ import os
 from os.path import exists, isdir
 from pathlib import Path, PurePath
 import re
-from typing import NamedTuple, Optional, Union
+from typing import Any, NamedTuple, Optional, Union
 
-from puretf._core.texts import comma_list, error_line, renamed, visible
-from puretf._wire.definitions import checked_yaml, LONGEST_YAML
+from puretf._core.texts import comma_list, error_line, renamed, shortened, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -24,6 +23,9 @@ _FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
 _PART = re.compile(r'.*(?<!-\d\d-\d\d-\d\d)_(0|[1-9]\d*)(\.(?:mcap|db3|bag))(?:\.zstd)?')
 #: The largest number of files that the text of an error lists.
 _SHOWN = 5
+#: The largest size of metadata (bytes), and the largest numbers of values one within another, and
+#: up to the end of the list of files.
+_LONGEST, _DEEPEST, _MOST_VALUES = 1_000_000, 20, 20_000
 
 
 class BagError(Exception):
@@ -130,9 +132,40 @@ def _listed(directory: Path) -> list[Path]:
     from ruamel.yaml import YAML
     try:
         with metadata.open('rb') as file:
-            text = checked_yaml(file.read(LONGEST_YAML + 1))
-        names = YAML(typ='safe').load(text)['rosbag2_bagfile_information']['relative_file_paths']
-        return [directory / PurePath(name).name for name in names]
+            data = file.read(_LONGEST + 1)
+        if len(data) > _LONGEST:
+            raise ValueError(f'it has more than {_LONGEST} bytes')
+        return [directory / name for name in _names(
+            islice(YAML(typ='safe').parse(data.decode(errors='replace')), _MOST_VALUES))]
     except Exception as error:  # the YAML library raises errors of many types
         raise BagError(f'{directory} cannot be read: metadata.yaml: {error_line(error)} Its files '
                        'can be read without it: give them in place of the directory') from None
+
+
+def _names(events: Iterator[Any]) -> Iterable[str]:
+    """
+    Return the names of the files that metadata list, from the first events of the YAML parser.
+
+    What else metadata have is not loaded, which can take minutes for a megabyte of YAML.
+    """
+    depth, last = 0, ''
+    for event in events:
+        kind = type(event).__name__
+        if getattr(event, 'version', None):
+            raise ValueError('it has a directive %YAML')
+        if last == 'relative_file_paths' and kind == 'SequenceStartEvent':
+            break
+        depth += kind.endswith('StartEvent') - kind.endswith('EndEvent')
+        if depth > _DEEPEST:
+            raise ValueError(f'more than {_DEEPEST} values are one within another')
+        last = getattr(event, 'value', '')
+    names: dict[str, None] = {}
+    for event in events:
+        if type(event).__name__ == 'SequenceEndEvent':
+            return names
+        if not isinstance(name := getattr(event, 'value', None), str):
+            raise ValueError('relative_file_paths has an entry that is no name')
+        if (name := PurePath(name).name) in names:
+            raise ValueError(f'it lists {shortened(name)} more than once')
+        names[name] = None
+    raise ValueError(f'no whole list relative_file_paths is in its first {_MOST_VALUES} values')

@@ -531,7 +531,7 @@ def test_metadata_that_cannot_be_read(tmp_path):
             ('#' * 1_000_000, 'it has more than 1000000 bytes.'), ('"', '')]):
         path = bags.make(tmp_path / str(number), 'mcap message', bags.walk(1))
         metadata = path / 'metadata.yaml'
-        metadata.write_text(metadata.read_text().replace('version: 9', new))
+        metadata.write_text(metadata.read_text().replace('rosbag2_bagfile_information', new))
         error = outcome(path)
         assert error.startswith(f'{path} cannot be read: metadata.yaml: {why}')
         assert error.endswith(WITHOUT)
@@ -544,18 +544,27 @@ ENDLESS = 'a0: &a0 {k: v}\n' + ''.join(
     f'a{i}: &a{i}\n  <<: [{", ".join([f"*a{i - 1}"] * 10)}]\n' for i in range(1, 10))
 
 
-@pytest.mark.parametrize('text', [
-    'a: &a [1]\nb: *a\n', 'a: {<<: {b: 1}}\n', 'a: !!set {b}\n', '? !t a\n: 1\n', '- *a',
-    '\ufeff<<: {b: 1}\n', 'a:\n  *b', 'a:\x85*b', '"a":*b', '[*a]', '{?*a}', '--- &a\nb: 1\n',
-    ENDLESS], ids=lambda text: text[:9])
-def test_metadata_that_refer_to_themselves(tmp_path, text):
-    """They are refused before they are loaded."""
+@pytest.mark.parametrize(('before', 'names', 'why'), [
+    (ENDLESS, '[x.mcap]', ''), ('', '[&a x.mcap]', ''), ('', '["x.\\x6dcap"]', ''),
+    ('n: 1' + ':2' * 450_000, '[x.mcap]', ''),
+    ('%YAML 1.1\n---\nn: 1' + ':2' * 450_000, '[x.mcap]', 'it has a directive %YAML'),
+    ('', '[x.mcap' + ', x.mcap' * 80_000 + ']', 'it lists x.mcap more than once'),
+    ('', '[x.mcap, other/x.mcap]', 'it lists x.mcap more than once'),
+    ('a: &a x.mcap', '[*a]', 'relative_file_paths has an entry that is no name'),
+    ('', '[[x.mcap]]', 'relative_file_paths has an entry that is no name'),
+    ('', 'x.mcap', 'no whole list relative_file_paths is in its first 20000 values'),
+    (f'a: [{"1," * 400_000}]', '[x]', 'no whole list relative_file_paths is in its first 20000 '
+     'values'),
+    (f'a: {"[" * 400_000}', '[x]', 'more than 20 values are one within another')],
+    ids=lambda text: text[:20])
+def test_long_or_odd_metadata(tmp_path, before, names, why):
+    """The list of files is read, and nothing else; what rosbag2 never writes in it is refused."""
     path = bags.make(tmp_path / 'x', 'mcap', bags.walk(1))
-    (path / 'metadata.yaml').write_bytes(text.encode() + (path / 'metadata.yaml').read_bytes())
+    (path / 'metadata.yaml').write_text(
+        f'{before}\nrosbag2_bagfile_information: {{relative_file_paths: {names}}}\n')
     assert outcome(path) == (
-        f'{path} cannot be read: metadata.yaml: it has an alias, an anchor, a tag or a merge key. '
-        f'{WITHOUT}')
-    assert len(read(bags.file_of(path)).frames()) == 2
+        f'{path} cannot be read: metadata.yaml: {why}. {WITHOUT}' if why else
+        ['odom', 'base_link'])
 
 
 @pytest.mark.parametrize('name', ['lab & office', 'what!', '2<<3', 'pick-&-place', 'a*b'])
