@@ -10,7 +10,7 @@ from functools import partial
 from importlib.resources import files
 from itertools import pairwise
 import math
-from typing import Optional
+from typing import Any, Optional
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ROSClock
@@ -37,6 +37,7 @@ from puretf import (
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import Parser, run, UsageError
+from puretf_tools.inspection.joint_states import JointStateReader
 
 MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).
@@ -150,7 +151,8 @@ class DummyArm(Node):
             self._description.publish(String(data=description()))
         self._refused = ''  # why the last message was refused, without numbers
         self._commands = self.create_subscription(
-            JointState, '~/joint_command', self._obey, 10)
+            JointState, '~/joint_command', self._obey, 10, raw=True)
+        self._reader = JointStateReader(self, self._commands.topic_name)
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
         self._warning = self.create_timer(
             CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -213,7 +215,9 @@ class DummyArm(Node):
                 limit = float(changed[f'{joint.name}.limit'])
                 self._waves[i] = self._waves[i].with_limit(limit, t)
 
-    def _obey(self, command: JointState) -> None:
+    def _obey(self, data: Any) -> None:
+        if (command := self._reader.read(data)) is None:
+            return
         problem = command_problem(
             command, dict(zip(self._state.name, (wave.limit for wave in self._waves))))
         cause, _, _ = (problem or '').partition(', got')

@@ -10,13 +10,13 @@ from typing import Any, Optional
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from puretf import SECOND
 from puretf.publisher_listener import node_of, TopicReader
 from puretf_tools.inspection.feeds import Sender, Senders
+from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.inspection.robots import joint_states_of, Robot
 from puretf_tools.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
 from puretf_tools.robot.observed import JOINT_STATE, receive, robot_of
@@ -105,6 +105,7 @@ class RobotListener:
         self._tf_topic, self._next_scan = tf_topic, 0.0
         #: By topic of joint states; None: this node listens to another type on the topic.
         self._readers: dict[str, Optional[TopicReader]] = {}
+        self._decoders: dict[str, JointStateReader] = {}
         self._states: dict[str, dict[str, str]] = {}
         self._senders: dict[str, Senders] = {}
 
@@ -119,9 +120,7 @@ class RobotListener:
                     self._listen(topic)
         for topic, reader in self._readers.items():
             for data in reader.take() if reader else ():
-                try:
-                    message = deserialize_message(data, JointState)
-                except Exception:  # malformed; the middleware raises errors of many types
+                if (message := self._decoders[topic].read(data)) is None:
                     continue
                 receive(self._states[topic], message)
                 stamp = message.header.stamp
@@ -132,6 +131,7 @@ class RobotListener:
         if topic in self._readers or len(self._readers) >= _MOST_STATES:
             return
         self._states[topic], self._senders[topic], self._readers[topic] = {}, Senders(), None
+        self._decoders[topic] = JointStateReader(self._node, topic)
         with suppress(RuntimeError):  # this node listens to another type on the topic
             self._readers[topic] = TopicReader(self._node, JointState, topic, QoSProfile(
                 depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT))

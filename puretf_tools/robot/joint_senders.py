@@ -143,6 +143,8 @@ class JointCommander(JointControl):
     def __init__(self, node: 'Node', topic: str, namespace: str, description: Description) -> None:
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from sensor_msgs.msg import JointState
+
+        from puretf_tools.inspection.joint_states import JointStateReader
         super().__init__(topic, description)
         self._node = node
         #: The last joint states, in CDR; None: they have been read.
@@ -153,6 +155,7 @@ class JointCommander(JointControl):
         self._subscription = node.create_subscription(
             JointState, full_name(namespace, 'joint_states'), self._on_state,
             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT), raw=True)
+        self._reader = JointStateReader(node, self._subscription.topic_name)
 
     def close(self) -> None:
         self._node.destroy_publisher(self._publisher)
@@ -163,14 +166,8 @@ class JointCommander(JointControl):
 
     def take_reported(self) -> None:
         """Take the positions that have been reported last."""
-        from rclpy.serialization import deserialize_message
-        from sensor_msgs.msg import JointState
         data, self._state = self._state, None
-        if data is None:
-            return
-        try:
-            state = deserialize_message(data, JointState)
-        except RuntimeError:  # it is malformed
+        if data is None or (state := self._reader.read(data)) is None:
             return
         now = monotonic()
         for name, position in zip(state.name, state.position):

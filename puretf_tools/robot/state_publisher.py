@@ -27,6 +27,7 @@ from puretf import (
     TransformBroadcaster,
 )
 from puretf.publisher_listener import node_of
+from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.robot.description import Description, parse
 from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
 from puretf_tools.robot.urdf_text import DescriptionError
@@ -82,7 +83,8 @@ class RobotStatePublisher(Node):
         self._states = self.create_subscription(
             JointState, 'joint_states', self._answer,
             copy(qos_profile_sensor_data),  # overrides change it
-            qos_overriding_options=overrides)
+            qos_overriding_options=overrides, raw=True)
+        self._reader = JointStateReader(self, self._states.topic_name)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
@@ -105,7 +107,7 @@ class RobotStatePublisher(Node):
             parsing = pool.submit(parse, text)
             while wait([parsing], 0.01).not_done:
                 with self._states.handle:
-                    while taken := self._states.handle.take_message(JointState, False):
+                    while taken := self._states.handle.take_message(JointState, True):
                         self._answer(taken[0])
         return parsing.result()
 
@@ -126,7 +128,9 @@ class RobotStatePublisher(Node):
             self._tf_static.replace(
                 _messages(transforms.fixed(), self.get_clock().now().to_msg()))
 
-    def _answer(self, states: JointState) -> None:
+    def _answer(self, data: Any) -> None:
+        if (states := self._reader.read(data)) is None:
+            return
         stamp = states.header.stamp
         edges = self._transforms.moving(stamp.sec * SECOND + stamp.nanosec, states.name,
                                         states.position, self.get_clock().now().nanoseconds)

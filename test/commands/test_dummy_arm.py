@@ -67,10 +67,10 @@ class SimulatedArm:
         ros.node.create_subscription(TFMessage, '/tf', self.joints.append, 1000)
         ros.node.create_subscription(TFMessage, '/tf_static', self.statics.append, LATCHED)
         self.states: list[JointState] = []
-        self._commands: list[JointState] = []
+        self._commands: list[bytes] = []
         ros.node.create_subscription(JointState, '/joint_states', self.states.append, 1000)
         topic = '/dummy_arm/joint_command'
-        ros.node.create_subscription(JointState, topic, self._commands.append, 10)
+        ros.node.create_subscription(JointState, topic, self._commands.append, 10, raw=True)
         self._command = ros.node.create_publisher(JointState, topic, 10)
         self._clock = ros.node.create_publisher(Clock, '/clock', 10)
         ros.until(lambda: self.statics and self._command.get_subscription_count() == 2)
@@ -101,8 +101,12 @@ class SimulatedArm:
 
     def command(self, names=(), positions=()):
         """Send a message on ~/joint_command, and let the arm do what it says."""
+        self.publish(JointState(name=names, position=positions))
+
+    def publish(self, command):
+        """Send a command, or its bytes, and let the arm do what it says."""
         count = len(self._commands)
-        self._command.publish(JointState(name=names, position=positions))
+        self._command.publish(command)
         self._ros.until(lambda: len(self._commands) > count)
         self._do_what_is_due()
 
@@ -371,6 +375,18 @@ def test_a_wrong_command_is_refused(capfd, arm, names, positions, problem):
     arm.ticks(200 * S, 5)
     error = capfd.readouterr().err
     assert error.count(f'refused a message on /dummy_arm/joint_command: {problem}\n') == 1
+
+
+def test_malformed_commands_are_named_once(capfd, arm):
+    """The middleware prints nothing; the next command is obeyed."""
+    for _ in range(3):
+        arm.publish(b'\0\1\0\0' + bytes(16) + b'\xff' * 4)
+    arm.command(['joint_1'], [0.5])
+    assert angle(arm.ticks(100 * S, 60)[-1], 0) == pytest.approx(0.5)
+    error = capfd.readouterr().err
+    assert 'sequence size' not in error
+    assert error.count('dropped a message on /dummy_arm/joint_command that cannot be decoded: a '
+                       'JointState of 24 bytes ends in the middle of a field; published by /') == 1
 
 
 def test_what_is_switched_off_is_not_published(domain_id):
