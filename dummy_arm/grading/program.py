@@ -2,6 +2,8 @@
 
 import ast
 from contextlib import suppress
+from importlib.util import find_spec
+from io import BytesIO
 import os
 from pathlib import Path
 import re
@@ -37,6 +39,18 @@ path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
 sys.path.insert(0, os.path.dirname(path))
 runpy.run_path(path, run_name='__main__')"""
+_ZIP = rb'PK\x03\x04'
+#: What a hand-in is that is no source, with the remedy, and the expression for its first bytes.
+_KINDS = {
+    'a document of an office program: save it as plain text':
+        rb'PK\x03\x04[\s\S]{26}(\[Content_|_rels|docProps|word/|mimetype)|\xd0\xcf\x11\xe0|{\\rtf',
+    'a PDF: hand in the source': rb'%PDF-',
+    'compiled by Python: hand in the source, a .py file':
+        rb'[\s\S][\x0c-\x0f]\r\n[\x00-\x03]\x00\x00\x00',
+    'compressed: unpack it': rb'\x1f\x8b|BZh\d1AY|\xfd7zXZ\x00|\x28\xb5\x2f\xfd',
+    'an archive: unpack it': rb"7z\xbc\xaf'\x1c|Rar!\x1a\x07|[\s\S]{257}ustar",
+    'encoded as UTF-16 or UTF-32: save it as UTF-8': rb'\xff\xfe|\xfe\xff',
+    'a zip archive that is cut off: copy it again, and unpack it': _ZIP}
 #: Why a callback is None, and why a module cannot be imported.
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
@@ -61,18 +75,37 @@ def program_in(path: Path) -> Path:
 
 
 def _source(path: Path) -> str:
-    if is_zipfile(path):
-        raise ProgramError('It is a zip archive: unpack it.')
     try:
-        with tokenize.open(path) as file:
-            source = file.read(_LONGEST_SOURCE + 1)
+        with path.open('rb') as file:
+            data = file.read(_LONGEST_SOURCE + 1)
     except OSError as error:
         raise ProgramError(f'It cannot be read: {error.strerror}.') from None
-    except (SyntaxError, UnicodeDecodeError):
-        raise ProgramError('It is not encoded as UTF-8: save it as UTF-8.') from None
-    if len(source) > _LONGEST_SOURCE:
+    for kind, beginning in _KINDS.items():
+        if re.match(beginning, data) and not (beginning == _ZIP and is_zipfile(path)):
+            raise ProgramError(f'It is {kind}.')
+    if is_zipfile(path):
+        raise ProgramError('It is a zip archive: unpack it.')
+    if len(data) > _LONGEST_SOURCE:
         raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
-    return source
+    if b'\0' in data:
+        raise ProgramError('It has null bytes, as damaged files, programs and UTF-16 have: hand '
+                           'in the source, saved as UTF-8.')
+    return _decoded(data)
+
+
+def _decoded(data: bytes) -> str:
+    try:
+        return data.decode(tokenize.detect_encoding(BytesIO(data).readline)[0])
+    except (SyntaxError, LookupError, UnicodeError):
+        pass
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        raise ProgramError('It is not encoded as UTF-8: save it as UTF-8.') from None
+    named = re.search(rb'coding[:=][ \t]*([-\w.]+)', data)
+    encoding = abbreviated(named[1].decode()) if named else 'another encoding'
+    raise ProgramError(f'It is encoded as UTF-8, but a comment at its beginning says coding: '
+                       f'{encoding}. Remove this comment.')
 
 
 def _parsed(source: str, path: Path) -> ast.Module:
@@ -139,7 +172,8 @@ class Program:
         tree = _parsed(_source(path), path)
         #: Where a number of a message is an int; 0: nowhere.
         self.int_line = _line_with_int(tree)
-        self._name, self._folder = path.name, Path(directory, 'copy')
+        self._name, self._original = path.name, path.parent.absolute()
+        self._folder = Path(directory, 'copy')
         _copy(path, self._folder)
         self._arguments = ['-c', _RUN + '["main"]()' * _has_uncalled_main(tree)]
         # `pkill -f dummy_arm.py` looks at command lines, but not at the environment.
@@ -172,8 +206,9 @@ class Program:
         if error:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
             is_copied = 'halted; None in sys.modules' in error
+            hides = '' if is_copied else _hidden_module(error, self._folder, self._original)
             raise ProgramError(
-                f'It fails: {error}{_CALLED * is_called}{_NOT_ITS_OWN * is_copied}')
+                f'It fails: {error}{_CALLED * is_called}{_NOT_ITS_OWN * is_copied}{hides}')
         if code is not None:
             seconds = time.monotonic() - self._start
             cause = ': does it call rclpy.spin?' if code == 0 else ''
@@ -202,3 +237,21 @@ def _error_of(output: str, name: str) -> str:
     lines = re.findall(rf'/{re.escape(name)}", line (\d+)', '\n'.join(printed[begin:end]))
     where = f' (line {lines[-1]})' if lines else ''
     return f'{abbreviated(visible(printed[end]), 300)}{where}'
+
+
+def _hidden_module(error: str, folder: Path, original: Path) -> str:
+    """
+    Say which file of a hand-in hides a module that an error names; '' if none does.
+
+    :param folder: the copy of the folder in which the hand-in is, which is `original`.
+    """
+    if not error.startswith(('AttributeError: ', 'ImportError: ', 'ModuleNotFoundError: ')):
+        return ''
+    for name in re.findall(r"'(\w+)[.']", error):
+        for file in f'{name}.py', f'{name}/__init__.py':
+            if not (folder / file).is_file() or name in ('dummy_arm', '__main__'):
+                continue
+            spec = find_spec(name)
+            if spec and not Path(spec.origin or '/').is_relative_to(original):
+                return f': {file} of the hand-in hides the module {name}: rename it'
+    return ''

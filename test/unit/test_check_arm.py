@@ -1,12 +1,18 @@
 """The command check_arm where there is no ROS: bags, drawings, wrong use."""
 
+import bz2
+import gzip
+from importlib.util import MAGIC_NUMBER
+from io import BytesIO
 from itertools import pairwise
 import os
 from pathlib import Path
 import re
 import subprocess
 import sys
+import tarfile
 from typing import Any
+from zipfile import ZipFile
 
 from arms import Arm, WRONG
 from cli_runner import call
@@ -131,12 +137,46 @@ def test_without_psutil(failed, monkeypatch):
         1, 'check_arm: psutil is missing: pip install psutil, or apt install python3-psutil\n')
 
 
-#: A zip archive without files.
-ZIP = b'PK\x05\x06' + bytes(18)
+def archive(name):
+    """Return a zip archive with a file."""
+    data = BytesIO()
+    with ZipFile(data, 'w') as file:
+        file.writestr(name, '')
+    return data.getvalue()
+
+
+def tar():
+    """Return a tar archive."""
+    data = BytesIO()
+    with tarfile.open(fileobj=data, mode='w') as file:
+        file.addfile(tarfile.TarInfo('dummy_arm.py'))
+    return data.getvalue()
+
+
+ZIP = archive('dummy_arm.py')
+UMLAUT = '# größer\n'
+WRONG_CODING = 'It is encoded as UTF-8, but a comment at its beginning says coding: '
 #: By name: the bytes of a hand-in, and the reason why it is not run.
 REFUSED: dict[str, tuple[Any, str]] = {
-    'umlaut.py': ('# größer\n'.encode('latin-1'), 'It is not encoded as UTF-8: save it as UTF-8.'),
+    'umlaut.py': (UMLAUT.encode('latin-1'), 'It is not encoded as UTF-8: save it as UTF-8.'),
     'zip.py': (ZIP, 'It is a zip archive: unpack it.'),
+    'cut.zip': (ZIP[:-30], 'It is a zip archive that is cut off: copy it again, and unpack it.'),
+    'long.zip': (ZIP[:-22] + bytes(1_000_001), 'It is a zip archive that is cut off: '),
+    'arm.docx': (archive('[Content_Types].xml'), 'It is a document of an office program: save it'),
+    'arm.gz': (gzip.compress(b'#'), 'It is compressed: unpack it.'),
+    'arm.bz2': (bz2.compress(b'#'), 'It is compressed: unpack it.'),
+    'arm.tar': (tar(), 'It is an archive: unpack it.'),
+    'arm.7z': (b"7z\xbc\xaf'\x1c\0\4", 'It is an archive: unpack it.'),
+    'arm.rar': (b'Rar!\x1a\7\1\0', 'It is an archive: unpack it.'),
+    'arm.pdf': (b'%PDF-1.4\n\xff', 'It is a PDF: hand in the source.'),
+    'arm.pyc': (MAGIC_NUMBER + bytes(12), 'It is compiled by Python: hand in the source, a .py'),
+    'utf16.py': (UMLAUT.encode('utf-16'), 'It is encoded as UTF-16 or UTF-32: save it as UTF-8.'),
+    'le.py': (UMLAUT.encode('utf-16-le'), 'It has null bytes, as damaged files, programs and UTF'),
+    'coding.py': (f'# coding: foo\n{UMLAUT}'.encode(), f'{WRONG_CODING}foo. Remove this comment.'),
+    'ascii.py': (f'#!x\n# coding=ascii\n{UMLAUT}'.encode(), f'{WRONG_CODING}ascii. Remove this'),
+    'rot13.py': (b'# coding: rot13\n', f'{WRONG_CODING}rot13. Remove this comment.'),
+    'bom.py': (b'\xef\xbb\xbf# coding: latin-1\n', f'{WRONG_CODING}latin-1. Remove this comment.'),
+    'coded.py': (b'# coding: foo\n# \xfc\n', 'It is not encoded as UTF-8: save it as UTF-8.'),
     'long.py': (b'#' * 1_000_001, 'It has more than 1 MB.'),
     'path.py': (b'path = "C:\\Users"\n', 'It does not compile: line 1: (unicode error)'),
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
@@ -167,6 +207,26 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
     assert [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))] == [
         ("'=1+2" if name == '=1+2' else name, 'not ok') for name in REFUSED]
+
+
+@on_linux
+@pytest.mark.parametrize(('program', 'file', 'hides'), [
+    ('from json import loads', 'json.py', 'json'),
+    ('import numpy; numpy.array', 'numpy.py', 'numpy'),
+    ('import numpy.linalg', 'numpy/__init__.py', 'numpy'),
+    ('import own; own.none', 'own.py', ''),
+    ('import json; json.loads("?")', 'own.py', '')])
+def test_a_file_that_hides_a_module(tmp_path, monkeypatch, program, file, hides):
+    """It is named; a file of another name, or without the fault, is not."""
+    if not hides:  # it can be imported here, too
+        monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / file).parent.mkdir(exist_ok=True)
+    (tmp_path / file).touch()
+    (tmp_path / 'arm.py').write_text(program)
+    (grade_of_arm,) = grade([str(tmp_path / 'arm.py')], 1.0)
+    assert grade_of_arm.reason.startswith('It fails: ')
+    assert grade_of_arm.reason.partition(' (line 1): ')[2] == (
+        f'{file} of the hand-in hides the module {hides}: rename it' if hides else '')
 
 
 @on_linux
