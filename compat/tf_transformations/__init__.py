@@ -345,7 +345,8 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     :returns: (4,): x, y, z, w; of length 1 if `spin` is even.
     :raises ValueError: if a quaternion has length zero.
     """
-    ends = (rotations.quaternion_slerp(quat0, quat1, end) for end in (0.0, 1.0))
+    ends = [*quat0], [*quat1]
+    rotations.quaternion_slerp(*ends, 0.0)  # checks them
     return np.asarray(_gohlketransforms.quaternion_slerp(*ends, fraction, spin, shortestpath))
 
 
