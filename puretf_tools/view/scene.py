@@ -20,7 +20,7 @@ from puretf_tools.view.controls import change
 from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Placement
-from puretf_tools.view.viser_private import Move, Quaternion, set_pose, Vector, WORLD
+from puretf_tools.view.viser_private import Move, set_pose, Vector, WORLD, Wxyz
 
 #: If there are more frames, their names are not shown until a viewer wants them.
 MOST_NAMES = 50
@@ -111,7 +111,7 @@ class Scene:
             self.body.show(descriptions, placement, display, body)
 
     def _put(self, node: viser.SceneNodeHandle, position: Vector,
-             wxyz: Optional[Quaternion] = None) -> None:
+             wxyz: Optional[Wxyz] = None) -> None:
         """Let `move` set the pose of a node; if it is not visible yet, show it there at once."""
         if node.visible:
             self._moves.append((node, position, wxyz))

@@ -62,9 +62,9 @@ _TOLERANCE = 1e-3
 PIXEL_RATIO, PANELS = 'pixel ratio', 'panels'
 
 Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]  # w, x, y, z
+Wxyz = tuple[float, float, float, float]
 #: The arguments of `set_pose`.
-Move = tuple[viser.SceneNodeHandle, Vector, Optional[Quaternion]]
+Move = tuple[viser.SceneNodeHandle, Vector, Optional[Wxyz]]
 
 _SERVE = websockets.asyncio.server.serve
 
@@ -126,7 +126,7 @@ def receive_at_once(client: viser.ClientHandle) -> None:
     client._websock_connection.get_message_buffer().max_window_size = _LARGEST_UPDATE
 
 
-def set_pose(node: viser.SceneNodeHandle, position: Vector, wxyz: Optional[Quaternion] = None
+def set_pose(node: viser.SceneNodeHandle, position: Vector, wxyz: Optional[Wxyz] = None
              ) -> None:
     """Set the position (m) of a node, and its rotation if one is given."""
     queue = node._impl.api._queue_scene_message
