@@ -79,7 +79,7 @@ class Server(viser.ViserServer):
         _silence()
         websockets.asyncio.server.serve = self._serve
         try:
-            super().__init__(address, port, label='dummy_arm', verbose=False)
+            super().__init__(address, port, verbose=False)
         finally:
             websockets.asyncio.server.serve = _SERVE
         if not self._is_guarded:
