@@ -96,14 +96,14 @@ class Bag(AbstractContextManager['Bag']):
             warning, instead of raising a BagError. Of a .mcap file, only damaged chunks are left
             out; of other files, all from the damage on, which may be all.
         :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
-        :param max_bytes: the largest size (bytes) that is allowed for a message, and for a chunk
-            of a .mcap file.
+        :param max_bytes: the largest size (bytes) that is allowed for a message, and for a record
+            (such as a chunk) and the summary of a .mcap file.
         :param on_progress: called repeatedly with the fraction of the bag that has been read, from
             0 to 1. What it raises ends the reading.
         :raises BagError: if the path is not a bag, if there are several recordings, or if a
             library that is needed to read it is not installed. While it is read: if the bag is
-            cut off or damaged, or has a chunk or a message that is larger than max_bytes, unless
-            `partial` is True.
+            cut off or damaged, or has something that is larger than max_bytes, unless `partial` is
+            True.
         :raises OSError: if the path does not exist.
         """
         found = find_recordings(paths)

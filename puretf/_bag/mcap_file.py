@@ -108,8 +108,10 @@ class McapFile:
         if kind != _FOOTER or magic != _MAGIC or not checksum:
             return 0
         start = start or at  # there is only a footer
-        file.seek(min(start, at))
         left, crc = self._size - 12 - start, 0
+        if left > (limit := self._contents.max_bytes):
+            raise too_large('the summary', f'{left}', limit)
+        file.seek(min(start, at))
         while left > 0 and (piece := file.read(min(left, _PIECE))):
             left, crc = left - len(piece), crc32(piece, crc)
         if crc != checksum:
