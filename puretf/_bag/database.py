@@ -21,7 +21,7 @@ def records_of_database(path: Path, contents: Contents) -> Iterator[Item]:
         with closing(sqlite3.connect(f'{path.absolute().as_uri()}?{mode}', uri=True)) as database:
             database.text_factory = lambda text: text.decode(errors='replace')
             yield from _messages(database, _topics(database, contents), contents)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeError) as error:  # of texts in the schema, too
         why = (f'it is no database of rosbag2 ({error})' if str(error).startswith('no such ') else
                f'SQLite reports: {error}')
         raise ValueError(why + has_log * (
