@@ -25,6 +25,10 @@ from puretf.exceptions import described
 
 #: The beginning of the name of a field that has none.
 DUMMY_FIELD_PREFIX = 'unnamed_field'
+#: The largest number of values of a point: numpy keeps 650 bytes for each of their names.
+_MOST_VALUES = 100_000
+#: The largest size of a point (bytes), that of an element of numpy.
+_MOST_BYTES = 2**31 - 1
 _TYPES = {getattr(PointField, name): np.dtype(name.lower()) for name in (
     'INT8', 'UINT8', 'INT16', 'UINT16', 'INT32', 'UINT32', 'FLOAT32', 'FLOAT64')}
 
@@ -109,8 +113,12 @@ def dtype_from_fields(fields: Iterable[PointField], point_step: Optional[int] = 
 
     :param point_step: the size of a point (bytes); None: up to the end of the last field.
     :raises AssertionError: if two fields have the same name, or if the count of a field is 0.
-    :raises ValueError: if a datatype is unknown, or if a field ends after the `point_step`.
+    :raises ValueError: if a datatype is unknown, if a field ends after the `point_step`, or if
+        the fields have more values than a point has bytes, or more than 100 000.
     """
+    if point_step is not None and point_step > _MOST_BYTES:
+        raise ValueError(f'a point has {point_step} bytes, but at most {_MOST_BYTES} are possible:'
+                         ' correct the point_step')
     formats: dict[str, tuple[np.dtype[Any], int]] = {}
     for i, field in enumerate(fields):
         name = field.name or f'{DUMMY_FIELD_PREFIX}_{i}'
@@ -122,9 +130,12 @@ def dtype_from_fields(fields: Iterable[PointField], point_step: Optional[int] = 
             raise AssertionError(f'field {name!r} has the count 0: set count to the number of '
                                  'values in each point, such as 1')
         end = field.offset + field.count * dtype.itemsize
-        if point_step is not None and end > point_step:
-            raise ValueError(f'field {name!r} ends at byte {end}, but a point has {point_step} '
+        if end > (size := _MOST_BYTES if point_step is None else point_step):
+            raise ValueError(f'field {name!r} ends at byte {end}, but a point has at most {size} '
                              'bytes: correct its offset, its count or the point_step')
+        if len(formats) + field.count > (most := min(_MOST_VALUES, size)):
+            raise ValueError(f'with field {name!r}, a point has {len(formats) + field.count} '
+                             f'values, but at most {most} are possible: correct its count')
         for k in range(field.count):
             part = f'{name}_{k}' if field.count > 1 else name
             if part in formats:
@@ -203,7 +214,7 @@ def layout(cloud: PointCloud2, dtype: np.dtype[Any], data: Any, offset: int = 0,
     rows, columns, point_step = cloud.height, cloud.width, cloud.point_step
     size = columns * point_step
     row_step = size if rows == 1 or len(data) == rows * size else cloud.row_step
-    if (offset + dtype.itemsize > point_step or row_step < size
+    if (offset + dtype.itemsize > point_step or row_step < size or (not size and rows * columns)
             or len(data) < (rows - 1) * row_step + size):
         raise ValueError(
             f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '

@@ -201,7 +201,7 @@ def test_clouds_without_points():
     ({'height': 2, 'row_step': 25}, ValueError, '2 x 2 points of 12 bytes, 25 bytes a row'),
     ({'height': 2, 'row_step': 23, 'data': [0] * 99}, ValueError, '23 bytes a row'),
     ({'point_step': 11}, ValueError,
-     "field 'z' ends at byte 12, but a point has 11 bytes: correct its offset, its count or"),
+     "field 'z' ends at byte 12, but a point has at most 11 bytes: correct its offset, its"),
     ({'fields': fields_of([('x', 9, 0)])}, ValueError,
      r"field 'x' has the datatype 9; a PointField has one of 1 \(INT8\) to 8 \(FLOAT64\)"),
     ({'fields': fields_of([('x', 7, 0)], 0)}, AssertionError,
@@ -215,6 +215,20 @@ def test_a_cloud_that_does_not_fit(change, kind, error):
         setattr(cloud, name, value)
     with pytest.raises(kind, match=error):
         read_points(cloud)
+
+
+@pytest.mark.parametrize(('values', 'error'), [
+    ({'point_step': 4_000_000, 'fields': fields_of([('x', 2, 0)], 4_000_000)},
+     "with field 'x', a point has 4000000 values, but at most 100000 are possible"),
+    ({'point_step': 1, 'fields': fields_of([('x', 2, 0), ('y', 2, 0)])},
+     "with field 'y', a point has 2 values, but at most 1 are possible: correct its count"),
+    ({'height': 2**16, 'width': 2**32 - 1}, '65536 x 4294967295 points of 0 bytes'),
+    ({'point_step': 2**32 - 1}, 'a point has 4294967295 bytes, but at most 2147483647 are')])
+@pytest.mark.parametrize('read', [read_points, read_points_list, read_points_numpy])
+def test_more_than_the_data_can_hold(read, values, error):
+    """Such a cloud is refused before memory is taken for it: a number of its message is enough."""
+    with pytest.raises(ValueError, match=error):
+        read(PointCloud2(**values))
 
 
 def test_what_is_not_there():
