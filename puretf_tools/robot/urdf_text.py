@@ -18,6 +18,9 @@ from puretf_tools.cli.errors import UsageError
 #: The longest text that is parsed (characters or bytes).
 MAX_SIZE = 10_000_000
 
+#: Why XML with a document type is refused.
+HAS_DOCTYPE = ('has a <!DOCTYPE, which is not allowed, since it can make a short text endless: '
+               'remove it, and write the text of each entity in its place')
 _BLANKS = ' \t\r\n'
 _NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
 _LONGEST_NUMBER, _WORDS = 100, {3: 'three', 4: 'four'}
@@ -191,8 +194,7 @@ def _source(text: str, what: str) -> str:
     text = _NO_ELEMENT.sub(lambda found: found[0] if found.lastindex else (
         ' ' + '\n' * found[0].count('\n')), text)
     if text.lstrip('\ufeff' + _BLANKS).startswith('<!DOCTYPE'):
-        refuse(f'{what} has a <!DOCTYPE, which is not allowed, since it can make a short text '
-               'endless: remove it, and write the text of each entity in its place')
+        refuse(f'{what} {HAS_DOCTYPE}')
     return text.lstrip('\ufeff')
 
 

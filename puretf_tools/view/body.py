@@ -16,7 +16,8 @@ from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.shapes import Rgba, Shape
 from puretf_tools.view.axes_and_trail import Display, rounded
-from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
+from puretf_tools.view.mesh_files import MeshError
+from puretf_tools.view.meshes import Mesh, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import WORLD
 

@@ -16,17 +16,25 @@ from numpy.typing import NDArray
 import trimesh
 
 from puretf_tools.robot.shapes import Rgba
+from puretf_tools.view.mesh_files import (
+    check_ply,
+    collada,
+    glb,
+    MAX_BYTES,
+    MAX_CORNERS,
+    MAX_ELEMENTS,
+    MAX_FACES,
+    MAX_OBJECTS,
+    MeshError,
+    refuse_parts,
+)
 
 #: The formats that are loaded, by the end of the file's name.
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
-#: The largest size of a file (bytes).
-MAX_BYTES = 50_000_000
-#: The largest number of triangles of a mesh.
-MAX_FACES = 2_000_000
 #: By format: what each part has, and the largest number of these: trimesh takes seconds for them,
 #: and mostly four times as long for twice as many.
-_PARTS = {'.glb': (b'{', 20_000), '.dae': (b'<', 50_000), '.obj': (b'usemtl', 2000),
-          '.stl': (b'solid', 4000)}
+_PARTS = {'.glb': (b'{', MAX_OBJECTS), '.dae': (b'<', MAX_ELEMENTS), '.obj': (b'usemtl', 2000),
+          '.stl': (b'solid', 4000), '.ply': (b'property', 300)}
 #: The scheme, or '' of a relative path, and the rest. RFC 3986 has no colon at its beginning.
 _NAME = re.compile(r'(?:(package|file)://|(?![^/]*:|$))(.*)', re.DOTALL)
 _LFS = b'version https://git-lfs.github.com/spec/'
@@ -39,10 +47,6 @@ class Mesh(NamedTuple):
     vertices: NDArray[np.float32]  #: (n, 3): x, y, z (m)
     faces: NDArray[np.uint32]  #: (m, 3): indices of vertices
     rgba: Optional[Rgba]  #: None if it has no color, or several ones
-
-
-class MeshError(Exception):
-    """A mesh cannot be shown; the text says why, and what to do."""
 
 
 class MissingMesh(MeshError):
@@ -140,18 +144,10 @@ def load(path: Path) -> Mesh:
     # A .glb file begins with JSON, whose length is known; the mark may occur in what follows.
     parts_in = data[:20 + int.from_bytes(data[12:16], 'little')] if kind == '.glb' else data
     if parts_in.lower().count(mark) > most:
-        raise MeshError('it has too many parts: join them in another program')
+        refuse_parts()
     logging.getLogger('trimesh').setLevel(logging.CRITICAL)  # the panel has a line
     try:
-        scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:])
-        parts = [(matrix, scene.geometry[name])
-                 for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
-                 if isinstance(scene.geometry[name], trimesh.Trimesh)]
-        if sum(len(part.faces) for _, part in parts) > MAX_FACES:  # a part may be used often
-            raise MeshError(f'it has more than {MAX_FACES} triangles: simplify it')
-        # assimp, which rviz2 uses, scales COLLADA by its unit; like it, ignore the up axis.
-        mesh = _joined([(_meters(part) @ matrix, part) for matrix, part in parts]
-                       if kind == '.dae' else parts)
+        mesh = _joined(*_parts(kind, data))
     except MeshError:
         raise
     except ImportError as error:
@@ -166,17 +162,45 @@ def load(path: Path) -> Mesh:
     return mesh
 
 
-def _meters(part: trimesh.Trimesh) -> NDArray[np.float64]:
-    """Return the (4, 4) matrix from the unit of a mesh to m."""
-    scale = trimesh.units.unit_conversion(part.units or 'meters', 'meters')
-    return np.diag([scale, scale, scale, 1.0])
+def _parts(kind: str, data: bytes
+           ) -> tuple[list[tuple[NDArray[np.float64], trimesh.Trimesh]], float]:
+    """Return meshes, each with its pose, and their unit (m)."""
+    unit = 1.0
+    if kind == '.dae':
+        data, unit = collada(data)
+    elif kind == '.glb':
+        data = glb(data)
+    elif kind == '.ply':
+        check_ply(data)
+    # The wrong indices of a .ply file would be gone after processing.
+    scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:],
+                               **{'process': False} if kind == '.ply' else {})
+    parts = [(matrix, scene.geometry[name])
+             for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
+             if isinstance(scene.geometry[name], trimesh.Trimesh)]
+    if (sum(len(part.faces) for _, part in parts) > MAX_FACES  # a part may be used often
+            or sum(len(part.vertices) for _, part in parts) > MAX_CORNERS):
+        raise MeshError(f'it has more than {MAX_FACES} triangles or {MAX_CORNERS} vertices: '
+                        'simplify it')
+    for _, part in parts:
+        if len(part.faces) and not 0 <= part.faces.min() <= part.faces.max() < len(part.vertices):
+            raise MeshError(f'a triangle of it has the vertices {part.faces.min()} to '
+                            f'{part.faces.max()}, but there are 0 to {len(part.vertices) - 1}: '
+                            'export it again')
+        if kind == '.ply':
+            part.process()
+    return parts, unit
 
 
-def _joined(parts: Sequence[tuple[NDArray[np.float64], trimesh.Trimesh]]) -> Mesh:
-    """Join meshes, each with its pose; trimesh itself would need scipy for some of them."""
+def _joined(parts: Sequence[tuple[NDArray[np.float64], trimesh.Trimesh]], unit: float) -> Mesh:
+    """
+    Join meshes; trimesh itself would need scipy for some of them.
+
+    assimp, which rviz2 uses, scales COLLADA by its unit; like it, ignore the up axis.
+    """
     vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
     for matrix, part in parts:
-        vertices.append(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
+        vertices.append(unit * (part.vertices @ matrix[:3, :3].T + matrix[:3, 3]))
         faces.append(part.faces + count)
         count += len(part.vertices)
     colors = {_color(part.visual) for _, part in parts}

@@ -1,6 +1,7 @@
 """The bodies of robots in the page, as a viewer gets them, and the meshes that are loaded."""
 
 from contextlib import ExitStack
+import json
 import os
 import shutil
 import struct
@@ -23,7 +24,8 @@ from puretf_tools.view import meshes as meshes_module
 from puretf_tools.view.body import MAX_SHAPES
 from puretf_tools.view.export import Recording
 from puretf_tools.view.feed import BagFeed
-from puretf_tools.view.meshes import load, MeshError, Meshes
+from puretf_tools.view.mesh_files import MAX_BYTES, MeshError
+from puretf_tools.view.meshes import load, Meshes
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -74,6 +76,37 @@ def glb(text, numbers=b''):
     text += -len(text) % 4 * b' '
     return (struct.pack('<4sIII4s', b'glTF', 2, 28 + len(text) + len(numbers), len(text), b'JSON')
             + text + struct.pack('<I4s', len(numbers), b'BIN\0') + numbers)
+
+
+def triangle_glb(position, **others):
+    """Return the glTF of a triangle with this accessor of its vertices."""
+    tree = {
+        'asset': {'version': '2.0'}, 'scenes': [{'nodes': [0]}], 'nodes': [{'mesh': 0}],
+        'meshes': [{'primitives': [{'attributes': {'POSITION': 0}, 'indices': 1}]}],
+        'accessors': [position, {
+            'bufferView': 1, 'componentType': 5125, 'count': 3, 'type': 'SCALAR'}],
+        'bufferViews': [{'buffer': 0, 'byteLength': 36},
+                        {'buffer': 0, 'byteOffset': 36, 'byteLength': 12}],
+        'buffers': [{'byteLength': 48}], **others}
+    return glb(json.dumps(tree).encode(), struct.pack('<9f3I', *np.ravel(TRIANGLE), 0, 1, 2))
+
+
+INSTANCE = '<instance_geometry url="#g"/>'
+
+
+def dae(unit='1', libraries='', scene=INSTANCE):
+    """Return the COLLADA of a triangle; `scene` is the contents of its node."""
+    return (
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>'
+        f'<unit meter="{unit}"/></asset>{libraries}<library_geometries><geometry id="g"><mesh>'
+        '<source id="s"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array>'
+        '<technique_common><accessor source="#a" count="3" stride="3"><param name="X"/>'
+        '<param name="Y"/><param name="Z"/></accessor></technique_common></source>'
+        '<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>'
+        '<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p>'
+        '</triangles></mesh></geometry></library_geometries><library_visual_scenes>'
+        f'<visual_scene id="sc"><node id="n">{scene}</node></visual_scene></library_visual_scenes>'
+        '<scene><instance_visual_scene url="#sc"/></scene></COLLADA>')
 
 
 @pytest.fixture
@@ -506,6 +539,73 @@ def test_the_unit_of_collada_is_the_metre(tmp_path, unit):
     assert load(tmp_path / 'a.dae').vertices.max(axis=0).tolist() == [100, 100, 0]
 
 
+@pytest.mark.parametrize('unit', ['0', '-1', 'nan', 'inf', '-inf', '1e400', '', 'mm'])
+def test_a_unit_of_collada_that_is_no_length(tmp_path, unit):
+    """A unit is a positive, finite number of metres."""
+    (tmp_path / 'a.dae').write_text(dae(unit=unit))
+    with pytest.raises(MeshError, match=(
+            f'^its unit must be a positive number of metres, got {unit!r}: write <unit meter=')):
+        load(tmp_path / 'a.dae')
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-16'])
+@pytest.mark.parametrize('inside', [
+    f'<!ATTLIST node z CDATA "{9000 * "x"}">', '<!ENTITY a "b"><!ENTITY c "&a;&a;">', ''])
+def test_a_doctype_in_collada(tmp_path, inside, encoding):
+    """It is refused as in a URDF: it can make a short text long, by attributes and entities."""
+    text = f'<?xml version="1.0" encoding="{encoding}"?><!DOCTYPE x [{inside}]>' + dae()
+    (tmp_path / 'a.dae').write_bytes(text.encode(encoding))
+    with pytest.raises(MeshError, match=r'^it has a <!DOCTYPE, which is not allowed, since'):
+        load(tmp_path / 'a.dae')
+
+
+def test_instances_of_nodes(tmp_path):
+    """Each is placed; the mesh is 1 m large, and two of its four instances are 5 m aside."""
+    pair = '<instance_node url="#one"/><node id="two"><translate>5 0 0</translate>{}</node>'
+    (tmp_path / 'a.dae').write_text(dae(
+        libraries=f'<library_nodes><node id="pair">{pair.format(INSTANCE)}</node>'
+                  f'<node id="one">{INSTANCE}</node></library_nodes>',
+        scene='<instance_node url="#pair"/><instance_node url="#pair"/>'))
+    mesh = load(tmp_path / 'a.dae')
+    assert sorted(mesh.vertices[:, 0].tolist()) == [0] * 4 + [1] * 2 + [5] * 4 + [6] * 2
+    assert len(mesh.faces) == 4
+
+
+@pytest.mark.parametrize(('depth', 'leaf'), [(24, INSTANCE), (24, ''), (0, '<instance_node '
+                                                                          'url="#d0"/>'),
+                                             (9, f'<node name="{100_000 * "x"}"/>')])
+def test_instances_without_end(tmp_path, depth, leaf):
+    """They are counted while they are expanded: each node below has two of the next one."""
+    nodes = ''.join(f'<node id="d{i + 1}">{2 * f"""<instance_node url="#d{i}"/>"""}</node>'
+                    for i in range(depth))
+    (tmp_path / 'a.dae').write_text(dae(
+        libraries=f'<library_nodes>{nodes}<node id="d0">{leaf}</node></library_nodes>',
+        scene=f'<instance_node url="#d{depth}"/>'))
+    with pytest.raises(MeshError, match=r'^it has too many parts'):
+        load(tmp_path / 'a.dae')
+
+
+@pytest.mark.parametrize(('old', 'new', 'why'), [
+    ('0 1 2', '0 1 -2', r'an index of #v must be from 0 to 2, got -2'),
+    ('0 1 2', '0 1 3', r'an index of #v must be from 0 to 2, got 3'),
+    ('0 1 2', '0 1 4294967295', r'an index of #v must be from 0 to 2, got 4294967295'),
+    ('offset="0"', 'offset="-1"', "offset must be an integer from 0 on, got '-1'"),
+    ('triangles count="1"', 'triangles count="2"', 'it declares 2 triangles, but its data hold 1'),
+    ('count="9"', 'count="10"', 'it declares 10 numbers, but its data hold 9'),
+    ('count="3"', 'count="4"', 'it declares 4 elements, but its data hold 3'),
+    ('stride="3"', 'stride="0"', 'has 9 numbers, a stride of 0 and 3 <param>s'),
+    ('<p>', '<vcount>2000000000</vcount><p>', 'in <vcount> must be from 1 to 3, got 2000000000'),
+    ('<p>', '<vcount>3 3</vcount><p>', 'it declares 6 vertices of polygons, but its data hold 3'),
+    ('url="#g"', 'url="#g"/><instance_node url="#x"', "it has no node '#x', which an <instance")])
+def test_what_collada_does_not_hold(tmp_path, old, new, why):
+    """It is refused before pycollada takes memory for it, or leaves out the part."""
+    text = dae()
+    assert text.count(old) == 1
+    (tmp_path / 'a.dae').write_text(text.replace(old, new))
+    with pytest.raises(MeshError, match=f'{why}.*: export it again$'):
+        load(tmp_path / 'a.dae')
+
+
 def test_without_pycollada_a_collada_mesh_names_it():
     """The extra `view` brings it; on a desktop, it may be missing."""
     code = (
@@ -528,7 +628,7 @@ def test_a_pointer_of_git_lfs():
 def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
     """It is refused before it is read to the end."""
     with (tmp_path / 'a.stl').open('wb') as file:
-        file.truncate(meshes_module.MAX_BYTES + 1)
+        file.truncate(MAX_BYTES + 1)
     with pytest.raises(MeshError, match='more than 50 MB'):
         load(tmp_path / 'a.stl')
 
@@ -536,6 +636,9 @@ def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
 @pytest.mark.parametrize(('name', 'content'), [
     ('a.stl', 2001 * b'SOLID a\nendsolid a\n'), ('a.obj', 2001 * b'usemtl a\n'),
     ('a.dae', b'<COLLADA>' + 25_000 * b'<node></node>'),
+    ('b.dae', dae().replace('</vertices>', 33 * '<input semantic="A"/>' + '</vertices>').encode()),
+    ('c.dae', dae().replace('<p>', 33 * '<input offset="0"/>' + '<p>').encode()),
+    ('a.ply', b'ply\n' + 301 * b'property list uchar int a\n'),
     ('a.glb', glb(b'{"nodes":[' + 20_000 * b'{},' + b'{}]}'))])
 def test_a_mesh_of_too_many_parts(tmp_path, monkeypatch, name, content):
     """It is refused before trimesh sees it, which takes minutes for hundreds of thousands."""
@@ -550,6 +653,67 @@ def test_the_numbers_of_a_mesh_are_not_its_parts(tmp_path):
     (tmp_path / 'a.glb').write_bytes(glb(b'{}', 30_000 * b'{'))
     with pytest.raises(MeshError, match='no triangles'):
         load(tmp_path / 'a.glb')
+
+
+@pytest.mark.parametrize('count', [3, 1_000_000])
+def test_elements_without_data(tmp_path, count):
+    """They are 0, as the specification of glTF 2.0 says; a file may have a million."""
+    (tmp_path / 'a.glb').write_bytes(triangle_glb(
+        {'componentType': 5126, 'count': count, 'type': 'VEC3'}))
+    mesh = load(tmp_path / 'a.glb')
+    assert len(mesh.vertices) == count
+    assert not mesh.vertices.any()
+
+
+@pytest.mark.parametrize(('position', 'others', 'why'), [
+    ({'count': 1_000_001, 'bufferView': None}, {}, '1000001 elements without data'),
+    ({'count': 200_000_000, 'type': 'MAT4'}, {}, '200000000 elements, but its data hold 0'),
+    ({'byteOffset': 1}, {}, 'it declares 3 elements, but its data hold 2'),
+    ({'count': -1}, {}, "count must be an integer from 0 on, got '-1'"),
+    ({'bufferView': -1}, {}, "bufferView must be an integer from 0 on, got '-1'"),
+    ({}, {'bufferViews': [{'buffer': 0, 'byteLength': 36, 'byteStride': 1}] * 2},
+     'its byteStride is 1, but an element has 12 bytes'),
+    ({}, {'bufferViews': [{'buffer': 0, 'byteLength': 10**6}] * 201}, 'more than 200 MB'),
+    ({'count': 10**6, 'bufferView': None}, {'meshes': [
+        {'primitives': [{'attributes': {'POSITION': 0}}] * 7}]}, 'more than 2000000 triangles or'),
+    ({}, {'meshes': [{'primitives': [{'attributes': {'POSITION': 0}}] * 200}],
+          'nodes': [{'mesh': 0}] * 101}, 'too many parts'),
+    ({}, {'nodes': [{'children': [1]}, {'children': [0]}]}, 'in a circle, or more than 100 deep'),
+    ({}, {'nodes': [{'children': [2]}, {'children': [2]}, {}]}, 'has several parents')])
+def test_what_gltf_does_not_hold(tmp_path, position, others, why):
+    """It is refused before trimesh takes memory for it."""
+    accessor = {'bufferView': 0, 'componentType': 5126, 'count': 3, 'type': 'VEC3', **position}
+    (tmp_path / 'a.glb').write_bytes(triangle_glb(
+        {name: value for name, value in accessor.items() if value is not None}, **others))
+    with pytest.raises(MeshError, match=why):
+        load(tmp_path / 'a.glb')
+
+
+PLY = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face %i
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 %i
+"""
+
+
+@pytest.mark.parametrize(('faces', 'index', 'why'), [
+    (1, -2, 'a triangle of it has the vertices -2 to 1, but there are 0 to 2'),
+    (1, 3, 'a triangle of it has the vertices 0 to 3, but there are 0 to 2'),
+    (10**12, 2, 'it declares 1000000000003 elements, but its data hold 5')])
+def test_what_ply_does_not_hold(tmp_path, faces, index, why):
+    """Its indices and counts are compared with its data, too."""
+    (tmp_path / 'a.ply').write_bytes(PLY % (faces, index))
+    with pytest.raises(MeshError, match=why):
+        load(tmp_path / 'a.ply')
 
 
 def test_a_page_that_is_exported_has_all_shapes(tmp_path):
