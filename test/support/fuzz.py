@@ -36,10 +36,12 @@ DATA = Path(__file__).parent.parent / 'data' / 'fuzz'
 MODULES = {
     'cdr': 'fuzz_messages', 'streams': 'fuzz_messages', 'ros1': 'fuzz_messages',
     'type': 'fuzz_messages', 'bags': 'fuzz_messages', 'description': 'fuzz_messages',
-    'names': 'fuzz_surfaces', 'websocket': 'fuzz_surfaces', 'commands': 'fuzz_surfaces'}
+    'names': 'fuzz_surfaces', 'websocket': 'fuzz_surfaces', 'commands': 'fuzz_surfaces',
+    'meshes': 'fuzz_shapes', 'clouds': 'fuzz_shapes'}
 _AT_A_TIME = 2
 #: One input may take this long (s), and the process may use this much memory (MB).
 _LONGEST, _MOST_MEMORY = 20, 2048
+_LONGEST_OF = {'meshes': 5, 'clouds': 5}
 #: An input that finds a fault is minimised for at most this long (s).
 _MINIMISING = 30
 _LONGEST_INPUT = 4096  # bytes
@@ -78,7 +80,7 @@ def _fuzz(name: str, arguments: list[str]) -> None:
     atheris = import_module('atheris')
     _end_with_parent()
     with atheris.instrument_imports(include=['puretf', 'puretf_tools', 'dummy_arm',
-                                             'fuzz_messages', 'fuzz_surfaces']):
+                                             'fuzz_messages', 'fuzz_surfaces', 'fuzz_shapes']):
         check, seeds = target(name)
         for folder in arguments:
             if not folder.startswith('-') and Path(folder).is_dir():
@@ -138,8 +140,8 @@ class _Run:
             shutil.copy(path, corpus)
         self.process = self._start(
             '--fuzz', f'-max_total_time={seconds:g}', f'-artifact_prefix={folder}/', str(corpus),
-            f'-timeout={_LONGEST}', f'-rss_limit_mb={_MOST_MEMORY}', f'-max_len={_LONGEST_INPUT}',
-            '-print_final_stats=1')
+            f'-timeout={_LONGEST_OF.get(name, _LONGEST)}', f'-rss_limit_mb={_MOST_MEMORY}',
+            f'-max_len={_LONGEST_INPUT}', '-print_final_stats=1')
         # libFuzzer ends after its time; a target that hangs outside of Python, never.
         self._deadline = self._begin + seconds + 2 * _LONGEST + 10
 

@@ -620,7 +620,7 @@ def _chunk_content() -> bytes:
             for topic, time, rows in _BAG_MESSAGES)])
 
 
-def _changed(data: bytes, source: Input) -> bytes:
+def changed(data: bytes, source: Input) -> bytes:
     """Change bytes at places: overwrite, insert, cut off, remove or repeat."""
     changed = bytearray(data)
     for _ in range(8):
@@ -684,11 +684,11 @@ def check_bags(data: bytes) -> None:
         if kind == 'mcap chunk':
             method = source.choice(('', 'lz4', 'zstd'))
             bags.mcap(path, bags.mcap_channel(), bags.mcap_chunk(
-                _changed(_chunk_content(), source), method))
+                changed(_chunk_content(), source), method))
         else:
             files, how = dict(seed_bag(kind)), source.integer(3)
             name = list(files)[how % 2 if len(files) > 1 else 0]
-            files[name] = _changed(files[name], source)
+            files[name] = changed(files[name], source)
             path.mkdir()
             for each, content in files.items():
                 if how or each == name:
