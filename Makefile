@@ -40,7 +40,7 @@ test: $(TEST_TOOLS)
 test-once: $(TEST_TOOLS)
 	$(VENV)/bin/python -m pytest $(PARALLEL) $(PYTEST_ARGS) test/once
 
-# The tests that take an hour together: soaks, attacks, fuzzing, other Pythons.
+# The tests that take one and a half hours together: soaks, attacks, fuzzing, other Pythons.
 night:
 	.ci/night
 
