@@ -7,7 +7,7 @@ bytes that found a fault before. No target imports ROS before it is called.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, ExitStack, suppress
+from contextlib import closing, contextmanager, ExitStack, suppress
 from functools import cache
 import json
 import logging
@@ -16,10 +16,12 @@ from pathlib import Path, PurePath
 import pickle
 import random
 import shutil
+import sqlite3
 import struct
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
+from time import process_time
 from typing import Any, NamedTuple, Optional, Union
 from xml.parsers import expat
 
@@ -58,7 +60,7 @@ _opened = ExitStack()
 def close() -> None:
     """End the process and remove the files of the targets; they can be called again."""
     _opened.close()
-    for made in _worker, folder, seed_bag, _with_checksums:
+    for made in _worker, folder, seed_bag, _with_checksums, _database:
         made.cache_clear()
 
 
@@ -736,3 +738,95 @@ def seeds_of_bags() -> Iterator[bytes]:
         yield bytes([number, 0, 3, 0, 5, 1, 1, 9, 4, 2, 1, 2, 3])
         yield bytes([number, 30, *range(30)])
     yield bytes([0, 1, 1, 9, 0, 1]) + b'[{'  # in the metadata
+
+
+# Databases
+
+_TABLES = {'topics': ('id', 'name', 'type', 'serialization_format', 'offered_qos_profiles'),
+           'messages': ('id', 'topic_id', 'timestamp', 'data'),
+           'message_definitions': ('topic_type', 'encoded_message_definition')}
+#: Values of a database, in SQL.
+_VALUES = ('NULL', '0', '1', '2', '-1', '9223372036854775807', '-9223372036854775808', '1e999',
+           '-1e999', '1.5', '1e300', "''", "'1'", "'/tf'", "'cdr'", "X''", "X'00ff'", "'1; 2'",
+           "'tf2_msgs/msg/TFMessage'", "CAST(X'ff2f7466' AS TEXT)", 'char(0, 27, 8232, 55296)',
+           'zeroblob(1000)', 'hex(zeroblob(100000))', "'durability: 1'", '102000000000')
+_LONGEST_READING = 5.0  # s of the processor
+
+
+@cache
+def _database() -> bytes:
+    """Return a small database whose columns take any value."""
+    path = folder() / 'seed.db3'
+    path.write_bytes(next(data for name, data in seed_bag('db3').items() if name[-4:] == '.db3'))
+    with closing(sqlite3.connect(path)) as database:
+        for table in 'topics', 'messages', 'message_definitions':
+            with suppress(sqlite3.Error):
+                database.execute(f'CREATE TABLE other AS SELECT * FROM {table}')
+                database.execute(f'DROP TABLE {table}')
+                database.execute(f'ALTER TABLE other RENAME TO {table}')
+        database.execute('CREATE INDEX by_time ON messages (timestamp)')
+        database.execute('VACUUM')
+        database.commit()
+    return path.read_bytes()
+
+
+def _statement(source: Input) -> str:
+    """Take a change of a database."""
+    table = source.choice([*_TABLES])
+    column, kind = source.choice(_TABLES[table]), source.integer(15)
+    where = f'WHERE rowid = {source.integer(8)}'
+    if kind < 9:
+        value = source.choice(_VALUES)
+        return f'UPDATE {table} SET {column} = {value} {where if kind < 8 else ""}'
+    if kind < 12:
+        value = source.choice(_VALUES) if kind == 9 else ''
+        return (f'INSERT INTO {table} ({column}) VALUES ({value})' if value else
+                f'INSERT INTO {table} SELECT * FROM {table} {where}' if kind == 10 else
+                f'DELETE FROM {table} {where}')
+    return (f'ALTER TABLE {table} RENAME COLUMN {column} TO other', 'DROP INDEX by_time',
+            f'DROP TABLE {table}', f'ALTER TABLE {table} ADD COLUMN other DEFAULT 1')[kind - 12]
+
+
+def check_db3(data: bytes) -> None:
+    """
+    Change a database by SQL, and then its bytes; read it.
+
+    Rule: it is refused in one line, or no message that is counted is left out; times are integers.
+    """
+    source, path, begin = Input(data), folder() / 'x.db3', process_time()
+    path.write_bytes(_database())
+    with closing(sqlite3.connect(path)) as database:
+        database.execute('PRAGMA synchronous = off')
+        for _ in range(source.integer(7)):
+            with suppress(sqlite3.Error):
+                database.execute(_statement(source))
+        database.commit()
+    path.write_bytes(changed(path.read_bytes(), source))
+    for partial in False, True:
+        messages: list[Any] = []
+        with open_bag(path, partial=partial, max_bytes=_MAX_BYTES) as bag, logged_texts():
+            with suppress(BagError):
+                messages += bag.messages(headers=True)
+                assert len(messages) == sum(each.count for each in bag.topics if each.is_wanted)
+            assert all(type(message.time) is int for message in messages)
+            with suppress(BagError):
+                assert type(bag.begin) is type(bag.end) is int
+        answer = _read_bag(path, partial)
+        if isinstance(answer, str):  # a sentence, and no single word or number
+            assert str(path) in answer
+            why = answer.rpartition(f'{path.name} cannot be read: ')[2].partition('. If it is')[0]
+            assert len(why.split()) > 2, answer
+    assert process_time() - begin < _LONGEST_READING
+
+
+def seeds_of_db3() -> Iterator[bytes]:
+    """Yield one change of each value, of each kind, and of bytes."""
+    yield bytes(1)
+    for table, columns in enumerate(_TABLES.values()):
+        for column in range(len(columns)):
+            for value in range(len(_VALUES)):
+                yield bytes([1, table, column, 0, 1, value])
+            for kind in range(9, 16):
+                yield bytes([1, table, column, kind, 1, 5])
+    for op in range(8):
+        yield bytes([0, op, 0, 2, 9, 200, 3, 7])
