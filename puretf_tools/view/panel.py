@@ -5,7 +5,6 @@ from contextlib import suppress
 from functools import partial
 import json
 from pathlib import Path
-import re
 from typing import Any, Optional
 
 import viser
@@ -20,6 +19,7 @@ from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.tree_and_findings import Findings, Tree
+from puretf_tools.view.words import has_words, words_of
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0
@@ -215,11 +215,6 @@ class DisplayPanel:
         self._gui = gui
         self._include, self._exclude = (
             settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
-        self._problem = gui.add_html('')
-        #: The expressions of the frames that are shown, and of those that are not; None: of none.
-        self._filters: list[Optional[re.Pattern[str]]] = [None, None]
-        for box in self._include, self._exclude:
-            box.on_update(self._on_filter)
         self._axes = settings.control(gui.add_checkbox('Axes', True))
         self._size = settings.control(
             gui.add_slider('Axis length (m)', 0.02, 2.0, 0.02, Display().size))
@@ -231,21 +226,11 @@ class DisplayPanel:
         self._dark = settings.control(gui.add_checkbox('Dark', False))
         self._dark.on_update(self._on_dark)
 
-    async def _on_filter(self, event: 'viser.GuiEvent[Any]') -> None:
-        filters, problem = [], ''
-        for label, box in ('Include', self._include), ('Exclude', self._exclude):
-            try:
-                filters.append(re.compile(box.value) if box.value else None)
-            except (re.error, RecursionError, OverflowError) as error:
-                problem = f'{label}: not a regular expression: {error}'
-                filters.append(None)
-        self._filters, self._problem.content = filters, html(problem, 'filter')
-
-    def passes(self, name: str) -> bool:
-        """Return whether the name of a frame passes the filters."""
-        include, exclude = self._filters
-        return (include is None or include.search(name) is not None) and (
-            exclude is None or exclude.search(name) is None)
+    def passes(self) -> Callable[[str], bool]:
+        """Return a function that says whether the name of a frame passes the filters."""
+        include, exclude = (words_of(box.value) for box in (self._include, self._exclude))
+        return lambda name: has_words(name, include) and not (
+            exclude and has_words(name, exclude))
 
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
         configure(self._gui, bool(event.target.value))

@@ -13,6 +13,7 @@ from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import change, html, Row, Rows, Settings
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Placement
+from puretf_tools.view.words import has_words, words_of
 
 #: The largest number of rows, and the time between two updates (s).
 _ROWS, _PERIOD = 200, 0.5
@@ -103,8 +104,8 @@ class Tree:
               findings: Sequence[Finding]) -> Iterator[Row]:
         lines = [*Forest(placement.frames.values()).lines()]
         parents = {frame.parent for frame in placement.frames.values()}
-        wanted = self._search.value.lower()
-        found = {each for line in lines if wanted in line.name.lower()
+        wanted = words_of(self._search.value)
+        found = {each for line in lines if has_words(line.name, wanted)
                  for each in self_and_ancestors(line.name, placement.frames)} if wanted else None
         marks = {frame: f'  {"✖" if finding.severity == ERROR else "⚠"} {finding.code}'
                  for finding in reversed(findings)  # the worst comes last

@@ -210,7 +210,7 @@ class Viewer:
         panel.set_frames(placement, now)
         self._take_clicks(placement)
         selected = panel.selected.value
-        hidden = panel.tree.hidden(placement, panel.display.passes)
+        hidden = panel.tree.hidden(placement, panel.display.passes())
         display = panel.display.display(hidden)
         panel.tree.update(placement, selected, hidden, self._feed.findings, now)
         panel.findings.update()
@@ -260,7 +260,7 @@ class Viewer:
         if (placement := self._placement) is None:
             return
         hidden = (frozenset(placement.names) - {self._panel.selected.value} if view == 'frame' else
-                  self._panel.tree.hidden(placement, self._panel.display.passes))
+                  self._panel.tree.hidden(placement, self._panel.display.passes()))
         shown = self._panel.display.display(hidden).shown(placement)
         look_at(self._scene.seen(placement, shown), self._cameras,
                 VIEWS['all' if view == 'frame' else view])
