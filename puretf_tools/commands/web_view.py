@@ -141,7 +141,7 @@ def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
 def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[str], feed: Feed,
           on_served: Callable[[], object] = lambda: None) -> None:
     from puretf_tools.view.server import serve  # first, since it says if viser is missing
-    from puretf_tools.view.controls import Settings  # isort: skip
+    from puretf_tools.view.settings import Settings  # isort: skip
     from puretf_tools.view.view import show
     first = ''
     if view is not None:

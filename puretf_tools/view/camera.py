@@ -93,10 +93,10 @@ class FirstCamera:
         return [round(float(value), 4) for value in (
             *camera.position, *camera.look_at, camera.fov)] if self.is_over else []
 
-    def restore(self, view: list[Any]) -> None:
+    def restore(self, view: list[float]) -> None:
         """Set a `view`; if it is empty, show where the frames go."""
-        self.is_over = len(view) == 7 and all(type(value) in (int, float) for value in view)
-        if self.is_over:
+        self.is_over = bool(view)
+        if view:
             _put(self._cameras, np.array(view[:3]), np.array(view[3:6]), view[6], _FAR)
         elif self._due is not None:
             self._put, self._due = [], [0.0]

@@ -1,15 +1,14 @@
-"""What the panels are made of: choices, rows and texts; and what a viewer has set."""
+"""What the panels are made of: choices, rows and texts."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
 from html import escape
-import json
 from typing import Any, NamedTuple, Optional
 
 import viser
 
 from puretf import visible
+from puretf_tools.view.settings import Settings
 
 #: The choice of no frame, and that of the frame that the program proposes.
 NONE, AUTOMATIC = '(none)', '(automatic)'
@@ -20,79 +19,6 @@ STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
          'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 #: A click selects the whole text.
 _COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
-
-
-class _Kept(NamedTuple):
-    """A value that is kept."""
-
-    read: Callable[[], Any]
-    write: Callable[[Any], object]
-    types: tuple[type, ...]  #: those that the value can have
-    default: Any
-
-
-class Settings:
-    """What a viewer has set, by names such as the labels of controls."""
-
-    def __init__(self, first: str = '') -> None:
-        """Begin with what a line of JSON says, if there is one."""
-        self._first = first
-        self._kept: dict[str, _Kept] = {}
-        self._wanted: dict[str, Any] = {}  # what was restored last
-
-    def add(self, name: str, read: Callable[[], Any], write: Callable[[Any], object],
-            *types: type) -> None:
-        """Add a value: `read` returns it, `write` sets it to a value of one of the types."""
-        self._kept[name] = _Kept(read, write, types, read())
-        self._restore(name)
-
-    def control(self, control: Any) -> Any:
-        """Add a control under its label, and return it."""
-        kind = type(control.value)
-        self.add(control.label, lambda: control.value,
-                 lambda value: change(control, value=kind(value)),
-                 *((int, float) if kind is float else (kind,)))
-        return control
-
-    def names(self, name: str) -> set[str]:
-        """Add a set of names of frames, which is empty at first, and return it."""
-        names: set[str] = set()
-
-        def write(values: list[Any]) -> None:
-            names.clear()
-            names.update(map(str, values))
-
-        self.add(name, lambda: sorted(names), write, list)
-        return names
-
-    def as_json(self) -> str:
-        """Return a line of JSON; `restore` takes it."""
-        return json.dumps({**self._wanted, **{
-            name: kept.read() for name, kept in self._kept.items()}})
-
-    def restore(self, text: str) -> str:
-        """Set what a line of JSON says, and return ''; or set nothing, and return why."""
-        values = None
-        with suppress(ValueError, RecursionError):
-            values = json.loads(text)
-        if not isinstance(values, dict):
-            return 'this is no view: copy the line that "Copy view" shows'
-        self._wanted = values
-        for name in values:
-            self._restore(name)
-        return ''
-
-    def reset(self, text: str = '') -> None:
-        """Set all to what it was at first, or to what a line of JSON says."""
-        self._wanted = {}
-        for kept in self._kept.values():
-            kept.write(kept.default)
-        self.restore(text or self._first or '{}')
-
-    def _restore(self, name: str) -> None:
-        if (kept := self._kept.get(name)) and type(
-                value := self._wanted.get(name, self)) in kept.types:
-            kept.write(value)
 
 
 class Choice:
@@ -109,8 +35,7 @@ class Choice:
         self._chosen: Any = None
         control.on_update(self._on_update)
         if settings:
-            settings.add(control.label, lambda: self._chosen, self.choose, type(self._known),
-                         type(None))
+            settings.add(control.label, lambda: self._chosen, self.choose)
 
     async def _on_update(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:

@@ -10,16 +10,17 @@ import viser
 from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
-from puretf_tools.view.controls import copied, FrameChoice, html, Settings, STYLE
+from puretf_tools.view.controls import copied, FrameChoice, html, STYLE
 from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import Feed
+from puretf_tools.view.settings import Settings, SPANS
 
 #: The shortest times between two updates of the numbers and of the plots (s).
 _NUMBERS_PERIOD, _PLOTS_PERIOD = 0.2, 0.5
 #: The time between two points of a plot (ns), and the largest number of points.
 _STEP, _MOST_POINTS = SECOND // 20, 2400
-#: What the plots show: the last seconds, by the label; 0: the whole bag.
-_SPANS_LIVE, _SPANS_BAG = {'20 s': 20, '2 min': 120}, {'20 s': 20, 'whole bag': 0}
+#: What the plots of a live page and of a bag show, of `SPANS`.
+_LIVE, _BAG = ('20 s', '2 min'), ('20 s', 'whole bag')
 _AS_A, _AS_B, _SWAP = 'selected as A', 'selected as B', 'swap'
 #: The colours of the plots: those of the axes x, y, z in the scene.
 _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
@@ -31,14 +32,14 @@ class Pair:
     def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed, selected: FrameChoice
                  ) -> None:
         """Add the controls to the current container; `selected`: the frame that buttons take."""
-        self.buffer, self._feed, self._spans = feed.buffer, feed, (
-            _SPANS_BAG if feed.player else _SPANS_LIVE)
+        self.buffer, self._feed = feed.buffer, feed
         self._selected = selected
         self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
         self._take = gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP))
         self._take.on_click(self._on_take)
         self._numbers = gui.add_html('')
-        self._span = settings.control(gui.add_dropdown('Plot over', tuple(self._spans)))
+        self._span = settings.control(
+            gui.add_dropdown('Plot over', _BAG if feed.player else _LIVE))
         self._plots = (_add_plot(gui, 'translation', ('x (m)', 'y (m)', 'z (m)')),
                        _add_plot(gui, 'rotation', ('roll (°)', 'pitch (°)', 'yaw (°)')))
         self._texts = gui.add_html('')
@@ -130,7 +131,7 @@ class Pair:
 
     def _plot(self, end: int) -> None:
         """Keep the values of the span; look up only those that are new."""
-        seconds, player = self._spans[self._span.value], self._feed.player
+        seconds, player = SPANS[self._span.value], self._feed.player
         end = end or SECOND * max(1, seconds)  # both frames are static: at any time
         if player and not seconds:
             begin, end = player.begin, player.end

@@ -11,13 +11,14 @@ import viser
 
 from puretf_tools.view.axes_and_trail import Display
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import AUTOMATIC, Choice, copied, FrameChoice, html, LAST, Settings
+from puretf_tools.view.controls import AUTOMATIC, Choice, copied, FrameChoice, html, LAST
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
+from puretf_tools.view.settings import fits, Settings
 from puretf_tools.view.tree_and_findings import Findings, Tree
 from puretf_tools.view.words import has_words, words_of
 
@@ -179,32 +180,32 @@ class Places:
         self._places: dict[str, Any] = {}
         self._noted: Optional[str] = ''
         self._put({})
-        settings.add('Panels', lambda: self._places, self._put, dict)
+        settings.add('Panels', lambda: self._places, self._put)
 
     def note(self, measured: Optional[str]) -> None:
         """Keep what the browser has measured, if it differs from what it had at first."""
         if self._noted != '' and measured != self._noted:  # '': not measured yet
-            with suppress(RecursionError, TypeError, ValueError):
-                self._places = dict(json.loads(measured or ''))
+            with suppress(RecursionError, ValueError):
+                places = json.loads(measured or '')
+                self._places = places if fits('Panels', places) else self._places
         self._noted = measured
 
     def _put(self, places: dict[str, Any]) -> None:
         before, self._places = self._places, places
         for name, panel in self._panels.items():
-            with suppress(ArithmeticError, LookupError, TypeError, ValueError):  # nonsense
-                side, x, y, width, is_folded = places.get(name, _PLACES[name])
-                if side == 'float':
-                    panel.float(x=x, y=y)
-                elif side in ('above', 'below'):
-                    getattr(panel, f'dock_{side}')(self._panels['main'])
-                else:
-                    (panel.dock_left if side == 'left' else panel.dock_right)()
-                if width:
-                    panel.set_width(width)
-                if is_folded:
-                    panel.minimize()
-                elif before.get(name, _PLACES[name])[-1]:
-                    panel.expand()
+            side, x, y, width, is_folded = places.get(name, _PLACES[name])
+            if side == 'float':
+                panel.float(x=x, y=y)
+            elif side in ('above', 'below'):
+                getattr(panel, f'dock_{side}')(self._panels['main'])
+            else:
+                (panel.dock_left if side == 'left' else panel.dock_right)()
+            if width:
+                panel.set_width(width)
+            if is_folded:
+                panel.minimize()
+            elif before.get(name, _PLACES[name])[-1]:
+                panel.expand()
 
 
 class DisplayPanel:
@@ -216,13 +217,11 @@ class DisplayPanel:
         self._include, self._exclude = (
             settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
         self._axes = settings.control(gui.add_checkbox('Axes', True))
-        self._size = settings.control(
-            gui.add_slider('Axis length (m)', 0.02, 2.0, 0.02, Display().size))
+        self._size = settings.slider(gui, 'Axis length (m)', 0.02, Display().size)
         self._lines = settings.control(gui.add_checkbox('Lines to parents', True))
         self.names = Choice(gui.add_checkbox('Show names', True), settings)
         self._grid = settings.control(gui.add_checkbox('Grid', True))
-        self._timeout = settings.control(
-            gui.add_slider('Frame timeout (s)', 1.0, 60.0, 1.0, TIMEOUT))
+        self._timeout = settings.slider(gui, 'Frame timeout (s)', 1.0, TIMEOUT)
         self._dark = settings.control(gui.add_checkbox('Dark', False))
         self._dark.on_update(self._on_dark)
 

@@ -12,7 +12,8 @@ from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
 from puretf_tools.robot.joint_senders import JointControl, JointControls
 from puretf_tools.view.body import BodyDisplay
-from puretf_tools.view.controls import change, escaped, html, LAST, Settings, STYLE
+from puretf_tools.view.controls import change, escaped, html, LAST, STYLE
+from puretf_tools.view.settings import Settings
 
 _MOST_LINES, _LONGEST_LINE = 30, 500
 #: The largest number of sliders, and the time between two updates (s).
@@ -38,8 +39,8 @@ class RobotTab:
         gui, tab = self._gui, self._tabs.add_tab('Robot')
         with tab:
             self._controls = [*map(self._settings.control, (
-                gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False),
-                gui.add_slider('Opacity', 0.1, 1.0, 0.05, 1.0)))]
+                gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False))),
+                self._settings.slider(gui, 'Opacity', 0.05, 1.0)]
             self._text = gui.add_html('', order=LAST)
         self._joints = Joints(gui, tab, self._source) if self._source else None
 

@@ -10,9 +10,10 @@ from puretf import comma_list, SECOND, shortened
 from puretf_tools.doctor.checks import ERROR, Finding
 from puretf_tools.inspection.forest import Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of
-from puretf_tools.view.controls import change, html, Row, Rows, Settings
+from puretf_tools.view.controls import change, html, Row, Rows
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Placement
+from puretf_tools.view.settings import Settings
 from puretf_tools.view.words import has_words, words_of
 
 #: The largest number of rows, and the time between two updates (s).

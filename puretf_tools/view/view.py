@@ -19,7 +19,7 @@ from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.view.axes_and_trail import Display, Trail
 from puretf_tools.view.camera import FirstCamera, look_at, set_pixel_ratio, VIEWS
-from puretf_tools.view.controls import change, Settings
+from puretf_tools.view.controls import change
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
@@ -27,7 +27,8 @@ from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
-from puretf_tools.view.viser_private import PANELS, PIXEL_RATIO, receive_at_once, Server
+from puretf_tools.view.settings import Settings
+from puretf_tools.view.viser_private import LONGEST, PANELS, PIXEL_RATIO, receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
@@ -41,6 +42,8 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 _REST = 4.0
 #: How long a viewer waits for what the browser has stored (s).
 _PATIENCE = 5.0
+#: The largest size of a view that is stored (ASCII): a browser sends it back in a message.
+_LONGEST_STORED = LONGEST - 1024
 #: The number of moments that the first camera shows.
 _MOMENTS = 20
 
@@ -148,15 +151,14 @@ class Viewer:
         self._use(feed.buffer)
         self._next_texts = 0.0  # the earliest time of their next update (s, monotonic clock)
         self.first_camera = FirstCamera(self._cameras)
-        self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore,
-                           list)
+        self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore)
         if feed.player:
-            self._settings.add('Time', lambda: self._until, partial(
-                setattr, self, '_goal'), int)
+            self._settings.add('Time', lambda: self._until, partial(setattr, self, '_goal'))
 
     def _restore(self) -> None:
         """Show what the browser has stored, or else what is shown at first."""
-        self._settings.reset(self.pace.stored or '')
+        if why := self._settings.reset(self.pace.stored or ''):
+            self._client.add_notification('The view that was kept is refused', why)
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
         if self.pace.is_blocked:
@@ -295,8 +297,8 @@ class Pace:
         self._moves.put(None)
 
     def store(self, text: str) -> None:
-        """Let the browser store a text, in place of the one before."""
-        if text != self.stored:
+        """Let the browser store a text, in place of the one before, if it can send it back."""
+        if text != self.stored and len(text) < _LONGEST_STORED:
             self.stored = text
             self._client.local_storage.set_item(self._key, text)
 

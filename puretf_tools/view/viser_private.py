@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from websockets import Headers
 
 #: The largest size of a message from a client (bytes); viser's own limit is 50 MB.
-_LONGEST_MESSAGE = 2**16
+LONGEST = 2**16
 #: What the page sends. viser would also take uploads, and requests to make the page public.
 _MESSAGES = (
     'ViewerCameraMessage', 'SceneNodeClickMessage', 'ScenePointerMessage', 'GuiUpdateMessage',
@@ -103,7 +103,7 @@ class Server(viser.ViserServer):
             return process_request(connection, request)
 
         return _SERVE(handler, **{**kwargs, 'sock': self._listening, 'process_request': process,
-                                  'max_size': _LONGEST_MESSAGE})
+                                  'max_size': LONGEST})
 
     def _guard_messages(self, receiver: Any) -> None:
         """Let a message that is not allowed, or whose handler fails, end its connection."""

@@ -14,10 +14,11 @@ pytest.importorskip('viser', reason='viser, which makes the page, is not install
 
 from viewer import Viewer
 
-from puretf_tools.view.controls import FrameChoice, Settings
+from puretf_tools.view.controls import FrameChoice
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.server import serve
+from puretf_tools.view.settings import Settings
 
 S = 10**9
 T = 1_700_000_000 * S

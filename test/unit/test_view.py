@@ -1516,24 +1516,92 @@ def test_a_view_is_copied_and_pasted(page):
     assert other.viewer.value('Grid')
 
 
-@pytest.mark.parametrize(('text', 'problem'), [
+#: Views that are refused, and what the page says.
+REFUSED = [
     ('nonsense', 'this is no view: copy the line'), ('[1]', 'this is no view'),
-    ('[' * 5000, 'this is no view'), ('{"Frame": 1, "Axes": "yes", "Camera": [null], '
-     '"Hidden": [1], "Axis length (m)": 1e999, "Plot over": "x", "x": 2}', ''),
-    ('{"Panels": {"main": ["float", 1e999, 0, 0, false], "tree": 1}}', ''),
-    ('{"Panels": {"main": ["above", 0, 0, 0, 0], "tree": ["left", 0, 0, "x", 0]}}', '')])
-def test_a_view_that_is_none(page, text, problem):
-    """The page says so, and goes on; values of a wrong type are left out."""
+    ('[' * 5000, 'this is no view'), ('9' * 5000, 'this is no view'),
+    *((f'{{"Axis length (m)": {value}}}', 'Axis length (m) must be a number from 0.02 to 2, got ')
+      for value in (f'1{"0" * 400}', '1e999', 'NaN', '-Infinity', '0', 'true', '"1"', 'null')),
+    ('{"Frame timeout (s)": 61}', 'Frame timeout (s) must be a number from 1 to 60, got 61'),
+    ('{"Opacity": NaN}', 'Opacity must be a number from 0.1 to 1, got NaN'),
+    ('{"Axes": "yes"}', 'Axes must be true or false'),
+    *((f'{{"{name}": "\\ud800"}}', f'{name} must be ') for name in (
+        'Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B', 'Include', 'Exclude')),
+    (json.dumps({'Include': 'x' * 1025}), 'Include must be a text of at most 1024 bytes'),
+    *((f'{{"{name}": {value}}}', f'{name} must be a list of names') for name in (
+        'Hidden', 'Hidden branches', 'Folded') for value in ('[1]', '"a"', '["\\udcff"]')),
+    ('{"Plot over": "x"}', 'Plot over must be one of 20 s, 2 min, whole bag'),
+    *((f'{{"Camera": [0, 0, 1, 0, 0, 0, {value}]}}', 'Camera must be ') for value in (
+        'NaN', '0', '4', 'Infinity', 'null', '1, 1')),
+    ('{"Camera": [0, 0, 1e99, 0, 0, 0, 1]}', 'each number from -1e+12 to 1e+12'),
+    *((f'{{"Panels": {{"{name}": {place}}}}}', 'Panels must be ') for name, place in (
+        ('main', '["float", 1e999, 0, 0, false]'), ('tree', '1'),
+        ('main', '["above", 0, 0, 0, false]'), ('tree', '["left", 0, 0, "x", false]'),
+        ('tree', '["left", 0, 0, -1, false]'), ('other', '["left", 0, 0, 0, false]')))]
+
+
+@pytest.mark.parametrize(('text', 'problem'), REFUSED, ids=range(len(REFUSED)))
+def test_a_view_that_is_refused(text, problem):
+    """The reason names the control and its range, and is short; nothing is set."""
+    from puretf_tools.view.settings import Settings
+    settings = Settings()
+    why = settings.restore(text)
+    assert why.startswith(problem) or problem in why
+    assert len(why) < 350
+    assert (why + settings.as_json()).isascii()
+    assert settings.as_json() == '{}'
+
+
+@pytest.mark.parametrize(('text', 'problem'), [
+    ('{"Frame": "map", "Axis length (m)": NaN}', 'from 0.02 to 2, got NaN'),
+    ('{"Frame": "\\ud800"}', 'Frame must be the name of a frame')])
+@pytest.mark.parametrize('is_kept', [False, True])
+def test_a_refused_view_of_a_viewer(page, text, problem, is_kept):
+    """Whether it is pasted or was kept: the page says why, goes on, and keeps a right one."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer), storage={'/tf 0': text} if is_kept else {})
+    viewer = shown.viewer
+    shown.until(viewer.names)
+    if is_kept:
+        shown.until(lambda: any(
+            problem in str(props.get('body')) for props in viewer.gui.values()))
+    else:
+        viewer.set('Paste view', text)
+        shown.until(lambda: problem in unescape(viewer.text('paste')))
+    assert viewer.value('Frame') == 'base'
+    shown.set('Frame', 'map')
+    shown.until(lambda: 'this is a root' in viewer.text('details'))
+    shown.clock[0] += 2.0
+    shown.until(lambda: json_of(viewer).get('Frame') == 'map')
+
+
+def test_a_view_of_a_bag_in_a_live_page(page):
+    """What only a bag can be plotted over is left as it was."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer), view='{"Plot over": "whole bag", "A": "map", "B": "base"}')
+    shown.until(lambda: '>1.000<' in shown.viewer.text('pair'))
+    assert shown.viewer.value('Plot over') == '20 s'
+
+
+def test_a_view_that_is_too_long_to_come_back(page):
+    """It is not stored: the browser could not send it, and nobody could load the page again."""
     buffer = TransformBuffer()
     arm(buffer, T, 'map', 'base')
     shown = page(live(buffer))
-    shown.until(lambda: shown.viewer.names())
-    shown.viewer.set('Paste view', text)
-    if problem:
-        shown.until(lambda: problem in shown.viewer.text('paste'))
-    shown.set('Frame', 'map')
-    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
-    assert shown.viewer.value('Axes')
+    viewer = shown.viewer
+    shown.until(viewer.names)
+    hidden = ['é' * 400 + str(i) for i in range(60)]
+    shown.set('Paste view', json.dumps({'Hidden': hidden, 'Frame': 'map'}, ensure_ascii=False))
+    shown.until(lambda: viewer.value('Frame') == 'map')
+    for _ in range(3):
+        shown.clock[0] += 2.0
+        shown.step()
+    assert json_of(viewer).get('Frame') is None
+    shown.set('Paste view', '{"Hidden": []}')
+    shown.clock[0] += 2.0
+    shown.until(lambda: json_of(viewer).get('Frame') == 'map')
 
 
 def test_a_browser_that_stores_nothing(page):

@@ -61,6 +61,19 @@ def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
         f'web_view: {path}: this is no view: copy the line that "Copy view" shows'))
 
 
+@pytest.mark.parametrize(('text', 'problem'), [
+    (f'{{"Axis length (m)": 1{"0" * 400}}}', 'Axis length (m) must be a number from 0.02 to 2, '),
+    (r'{"Fixed frame": "\ud800"}', 'Fixed frame must be the name of a frame, of at most 1024 ')])
+def test_a_view_with_a_value_that_is_refused(failed, bag, tmp_path, text, problem):
+    """The error names the file, the control and its range."""
+    path = tmp_path / 'view.json'
+    path.write_text(text)
+    code, error = failed(main, '--bag', bag, '--view', str(path))
+    assert code == 1
+    assert error.startswith(f'web_view: {path}: {problem}')
+    assert error.count('\n') == 1
+
+
 def test_without_viser(bag):
     """The error says what is missing, and how to install it."""
     done = subprocess.run([sys.executable, *tool_without(['viser'], 'web_view', '--bag', bag)],

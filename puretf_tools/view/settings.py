@@ -1,0 +1,177 @@
+"""What a viewer has set, which values each setting can have, and a line of JSON with all of it."""
+
+from collections.abc import Callable
+from contextlib import suppress
+import json
+from math import pi
+from typing import Any, NamedTuple
+
+import viser
+
+from puretf import abbreviated, LONGEST_NAME
+
+#: The ranges of sliders, by their labels.
+_RANGES = {'Axis length (m)': (0.02, 2.0), 'Frame timeout (s)': (1.0, 60.0), 'Opacity': (0.1, 1.0)}
+#: What the pair is plotted over: the last seconds; 0: the whole bag.
+SPANS = {'20 s': 20, '2 min': 120, 'whole bag': 0}
+#: The largest coordinate of a camera (m), the largest place of a panel (pixels), and the largest
+#: stamp (ns).
+_FARTHEST, _FARTHEST_PANEL, _LATEST = 1e12, 1e5, 2**63 - 1
+_LONGEST_SHOWN = 60  # characters of a value that is refused
+_SIDES = {'main': ('left', 'right', 'float'), 'tree': ('left', 'right', 'float', 'above', 'below')}
+
+
+class _Kind(NamedTuple):
+    """The values that a setting can have."""
+
+    has: Callable[[Any], bool]
+    description: str  #: what the value must be
+
+
+def _is_number(value: Any, lower: float, upper: float) -> bool:
+    # In Python, integers of any size are compared exactly, and NaN is in no range.
+    return type(value) in (int, float) and lower <= value <= upper
+
+
+def _is_text(value: Any) -> bool:
+    with suppress(UnicodeEncodeError):  # lone surrogates, which cannot be sent
+        return type(value) is str and len(value.encode()) <= LONGEST_NAME
+    return False
+
+
+def _is_camera(value: Any) -> bool:
+    return value == [] or (type(value) is list and len(value) == 7 and all(
+        _is_number(each, -_FARTHEST, _FARTHEST) for each in value[:6]) and _is_number(
+            value[6], 1e-3, pi))
+
+
+def _are_places(value: Any) -> bool:
+    return type(value) is dict and value.keys() <= _SIDES.keys() and all(
+        type(place) is list and len(place) == 5 and place[0] in _SIDES[name]
+        and all(_is_number(each, -_FARTHEST_PANEL, _FARTHEST_PANEL) for each in place[1:3])
+        and _is_number(place[3], 0, _FARTHEST_PANEL) and type(place[4]) is bool
+        for name, place in value.items())
+
+
+def _slider(lower: float, upper: float) -> _Kind:
+    return _Kind(lambda value: _is_number(value, lower, upper),
+                 f'a number from {lower:g} to {upper:g}')
+
+
+_FLAG = _Kind(lambda value: type(value) is bool, 'true or false')
+_TEXT = _Kind(_is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8')
+_FRAME = _Kind(lambda value: value is None or _is_text(value),
+               f'the name of a frame, of at most {LONGEST_NAME} bytes in UTF-8, or null')
+_FRAMES = _Kind(lambda value: type(value) is list and all(map(_is_text, value)),
+                f'a list of names of frames, each of at most {LONGEST_NAME} bytes in UTF-8')
+#: By the names of settings, such as the labels of controls.
+_KINDS = {
+    **{label: _slider(*limits) for label, limits in _RANGES.items()},
+    **dict.fromkeys(('Axes', 'Lines to parents', 'Grid', 'Dark', 'Follow its yaw', 'Visual',
+                     'Collision'), _FLAG),
+    'Show names': _Kind(lambda value: type(value) in (bool, type(None)), 'true, false or null'),
+    **dict.fromkeys(('Include', 'Exclude'), _TEXT),
+    **dict.fromkeys(('Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B'), _FRAME),
+    **dict.fromkeys(('Hidden', 'Hidden branches', 'Folded'), _FRAMES),
+    'Plot over': _Kind(lambda value: type(value) is str and value in SPANS,
+                       f'one of {", ".join(SPANS)}'),
+    'Camera': _Kind(_is_camera, 'empty, or position, target (m; each number from '
+                    f'{-_FARTHEST:g} to {_FARTHEST:g}) and angle (rad; from 0.001 to pi)'),
+    'Panels': _Kind(_are_places, 'by the name of a panel, its side, x, y (pixels; from '
+                    f'{-_FARTHEST_PANEL:g} to {_FARTHEST_PANEL:g}), its width (from 0 to '
+                    f'{_FARTHEST_PANEL:g}) and whether it is folded'),
+    'Time': _Kind(lambda value: type(value) is int and 0 <= value <= _LATEST,
+                  f'an integer from 0 to {_LATEST} (ns)')}
+
+
+def fits(name: str, value: Any) -> bool:
+    """Return whether a setting can have a value."""
+    return _KINDS[name].has(value)
+
+
+class _Kept(NamedTuple):
+    """A value that is kept."""
+
+    read: Callable[[], Any]
+    write: Callable[[Any], object]
+    default: Any
+
+
+class Settings:
+    """What a viewer has set, by names such as the labels of controls."""
+
+    def __init__(self, first: str = '') -> None:
+        """Begin with what a line of JSON says, if there is one."""
+        self._first = first
+        self._kept: dict[str, _Kept] = {}
+        self._wanted: dict[str, Any] = {}  # what was restored last
+
+    def add(self, name: str, read: Callable[[], Any], write: Callable[[Any], object]) -> None:
+        """Add a value: `read` returns it, `write` sets it to one that fits."""
+        self._kept[name] = _Kept(read, write, read())
+        self._restore(name)
+
+    def control(self, control: Any) -> Any:
+        """Add a control under its label, and return it."""
+        def write(value: Any) -> None:
+            if value in getattr(control, 'options', (value,)):  # a bag has others than a live page
+                control.value = value
+
+        self.add(control.label, lambda: control.value, write)
+        return control
+
+    def slider(self, gui: viser.GuiApi, label: str, step: float, value: float) -> Any:
+        """Create a slider with the range of a setting."""
+        return self.control(gui.add_slider(label, *_RANGES[label], step, value))
+
+    def names(self, name: str) -> set[str]:
+        """Add a set of names of frames, which is empty at first, and return it."""
+        names: set[str] = set()
+
+        def write(values: list[str]) -> None:
+            names.clear()
+            names.update(values)
+
+        self.add(name, lambda: sorted(names), write)
+        return names
+
+    def as_json(self) -> str:
+        """Return a line of JSON; `restore` takes it, so what does not fit is left out."""
+        values = {**self._wanted, **{name: kept.read() for name, kept in self._kept.items()}}
+        return json.dumps({name: value for name, value in values.items() if fits(name, value)})
+
+    def restore(self, text: str) -> str:
+        """Set what a line of JSON says, and return ''; or set nothing, and return why."""
+        values = None
+        with suppress(ValueError, RecursionError):
+            values = json.loads(text)
+        if not isinstance(values, dict):
+            return 'this is no view: copy the line that "Copy view" shows'
+        known = {name: value for name, value in values.items() if name in _KINDS}
+        for name, value in known.items():
+            if not fits(name, value):
+                return f'{name} must be {_KINDS[name].description}, got {_shown(value)}'
+        self._wanted = known
+        for name in known:
+            self._restore(name)
+        return ''
+
+    def reset(self, text: str = '') -> str:
+        """Set all to what a line of JSON says, or else to what it was at first; see `restore`."""
+        self._wanted = {}
+        for kept in self._kept.values():
+            kept.write(kept.default)
+        why = self.restore(text) if text else ''
+        if why or not text:
+            self.restore(self._first or '{}')
+        return why
+
+    def _restore(self, name: str) -> None:
+        if name in self._wanted and name in self._kept:
+            self._kept[name].write(self._wanted[name])
+
+
+def _shown(value: Any) -> str:
+    with suppress(RecursionError):
+        return abbreviated(json.dumps(value), _LONGEST_SHOWN)
+    return 'nested lists'
