@@ -48,7 +48,7 @@ def pytest_runtest_logfinish() -> None:
 @pytest.fixture
 def logs() -> Iterator[list[logging.LogRecord]]:
     """
-    The warnings that the package logs where there is no ROS.
+    The warnings that our packages log where there is no ROS.
 
     This fixture has its own handler: with the pytest plugins of launch, `caplog` records nothing,
     since launch replaces the class of loggers by one whose loggers do not propagate.
@@ -60,10 +60,12 @@ def logs() -> Iterator[list[logging.LogRecord]]:
             records.append(record)
 
     handler = Recorder(logging.WARNING)
-    logger = logging.getLogger('puretf')
-    logger.addHandler(handler)
+    loggers = [*map(logging.getLogger, ('puretf', 'puretf_tools'))]
+    for logger in loggers:
+        logger.addHandler(handler)
     yield records
-    logger.removeHandler(handler)
+    for logger in loggers:
+        logger.removeHandler(handler)
 
 
 @pytest.fixture

@@ -141,7 +141,7 @@ class Panel:
     @property
     def back(self) -> float:
         """How far back a paused page looks (s)."""
-        return min(max(self._back.value, 0.0), LENGTH) if self.is_paused else 0.0
+        return float(self._back.value) if self.is_paused else 0.0
 
     def set_frames(self, placement: Placement, now: float) -> None:
         """

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
 from math import ceil
-from typing import Any
+from typing import Any, Optional
 
 import viser
 
@@ -74,7 +74,10 @@ class Playback:
                 event.target.value * SECOND)))
 
     async def _on_goal(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._requests.append(partial(self._go_to, abbreviated(event.target.value)))
+        time, problem = self._goal(abbreviated(event.target.value))
+        self._problem.content = html(problem, 'problem')
+        if time is not None:
+            self._requests.append(partial(self._player.stop_at, time))
 
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
         self._player.speed = float(_SPEEDS[_SPEEDS.index(event.target.value)])
@@ -132,13 +135,15 @@ class Playback:
         if stamps:
             self._player.stop_at(max(stamps) if is_back else min(stamps))
 
-    def _go_to(self, text: str) -> None:
-        span, problem = (self._player.begin, self._player.end), ''
+    def _goal(self, text: str) -> tuple[Optional[int], str]:
+        """Return the time (ns) that a viewer has typed, and why there is none."""
+        span = self._player.begin, self._player.end
+        if not text:
+            return None, ''
         try:
-            if text:
-                time = when(text).within(span)
-                if not (problem := why_outside(time, span)):
-                    self._player.stop_at(time or self._player.end)  # 0: the latest
+            time = when(text).within(span)
         except ArgumentTypeError as error:
-            problem = str(error)
-        self._problem.content = html(problem, 'problem')
+            return None, str(error)
+        if problem := why_outside(time, span):
+            return None, problem
+        return time or self._player.end, ''  # 0: the latest

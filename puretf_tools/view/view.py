@@ -78,12 +78,13 @@ class View:
         self._places = lru_cache(1)(self._places_between)  # of a bag, all viewers see the same
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
+        self._ended: set[int] = set()  # the clients that are being disconnected
         self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
 
     def update(self) -> None:
         """Read the feed and the panels, and update what each viewer sees."""
-        now, player = self._clock(), self._feed.player
+        now = self._clock()
         clients = self._server.get_clients()
         until = self._playback.update(clients.values()) if self._playback else 0
         if clients and now >= self._next_watch:
@@ -94,21 +95,31 @@ class View:
             self._feed.joint_controls.update(descriptions)
         for gone in self.viewers.keys() - clients.keys():
             self.viewers.pop(gone).close()
+        self._ended &= clients.keys()
         place = cache(self._watcher.placement)
-        for number, client in clients.items():
-            if number not in self.viewers:
-                self._meshes.forget_failures()
-                self.viewers[number] = Viewer(
-                    client, self._feed, self._server.initial_camera, self._meshes, self._first,
-                    is_alone=len(clients) == 1)
-            viewer = self.viewers[number]
-            if not viewer.has_path and (not player or (player.is_whole and player.length)):
-                viewer.has_path = True
-                viewer.first_camera.extend(self._path())
-            if not viewer.pace.is_waiting:
-                viewer.update(place, until, now, descriptions)
+        for number in [number for number in clients if number not in self._ended]:
+            try:
+                viewer = self._viewer(number, clients[number], is_alone=len(clients) == 1)
+                if not viewer.pace.is_waiting:
+                    viewer.update(place, until, now, descriptions)
+            except Exception as error:  # whatever the data of one viewer raise, the others stay
+                self._ended.add(number)
+                self._server.end_session(number, error)
         if not until and not place.cache_info().currsize:
             self._watcher.watch()
+
+    def _viewer(self, number: int, client: viser.ClientHandle, is_alone: bool) -> 'Viewer':
+        """Return the viewer with a number, who may have just come."""
+        player = self._feed.player
+        if number not in self.viewers:
+            self._meshes.forget_failures()
+            self.viewers[number] = Viewer(client, self._feed, self._server.initial_camera,
+                                          self._meshes, self._first, is_alone)
+        viewer = self.viewers[number]
+        if not viewer.has_path and (not player or (player.is_whole and player.length)):
+            viewer.has_path = True
+            viewer.first_camera.extend(self._path())
+        return viewer
 
     def _path(self) -> NDArray[np.float64]:
         """Return where the frames go in a bag, or have been in the last seconds: (n, 3) (m)."""
@@ -132,8 +143,6 @@ class Viewer:
         #: The camera of the viewer, and the one to which viewers can reset theirs.
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
-        # For another `--view`, the browser has stored nothing yet.
-        self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
         self._client, self._is_alone = client, is_alone
         self.has_path = False  #: whether the first camera knows where the frames go
         self._next_store = 0.0  # (s, monotonic clock)
@@ -154,6 +163,8 @@ class Viewer:
         self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore)
         if feed.player:
             self._settings.add('Time', lambda: self._until, partial(setattr, self, '_goal'))
+        # For another `--view`, the browser has stored nothing yet.
+        self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
 
     def _restore(self) -> None:
         """Show what the browser has stored, or else what is shown at first."""
@@ -201,6 +212,8 @@ class Viewer:
         :param now: on the monotonic clock (s).
         """
         panel = self._panel
+        if self.pace.error:
+            raise self.pace.error
         if self._placement is None:
             self._restore()
         set_pixel_ratio(self._client.camera, self.pace.answers.get(PIXEL_RATIO))
@@ -285,6 +298,7 @@ class Pace:
         self.answers: dict[str, Optional[str]] = {}  #: to PIXEL_RATIO and PANELS
         self.is_blocked = False  #: True if the browser stores nothing
         self.is_waiting = True  #: True until the last update has been handled
+        self.error: Optional[Exception] = None  #: what has ended the thread
         Thread(target=self._work, daemon=True).start()
 
     def when_handled(self, move: Callable[[], object]) -> None:
@@ -303,6 +317,12 @@ class Pace:
             self._client.local_storage.set_item(self._key, text)
 
     def _work(self) -> None:
+        try:
+            self._ask_and_move()
+        except Exception as error:
+            self.error, self.is_waiting = error, False
+
+    def _ask_and_move(self) -> None:
         try:
             self.stored = self._client.local_storage.get_item(self._key, _PATIENCE)
         except RuntimeError:  # or the viewer has left

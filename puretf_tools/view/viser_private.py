@@ -8,6 +8,7 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
 - `_websock_server` and each connection of a client pass every message to their method
   `_handle_incoming_message`, in a task whose exception nothing handles. `_live_connections` has
   the WebSocket of each client.
+- `gui._gui_input_handle_from_uuid` has the controls, whose values viser casts, and does not check.
 - A node passes messages about its pose to `_impl.api._queue_scene_message`. Its setters compare
   poses by `numpy.allclose`, which takes most of the time, and ignores small moves far away.
 - `get_message_buffer().max_window_size` of `_websock_connection` limits the number of messages
@@ -16,14 +17,18 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
   and stores what it measures under keys that begin with `viser-user:`.
 """
 
+import asyncio
 from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 import logging
-from math import hypot, isclose, isfinite
+from math import hypot, inf, isclose, isfinite
 import socket
+from time import monotonic
 from typing import Any, Optional, TYPE_CHECKING
 import warnings
 
+from puretf import abbreviated, visible
 from puretf_tools.cli.parser import CommandError
 
 #: The versions of viser that can be used, as in setup.py.
@@ -43,6 +48,8 @@ if TYPE_CHECKING:
 
 #: The largest size of a message from a client (bytes); viser's own limit is 50 MB.
 LONGEST = 2**16
+#: The shortest time between two lines of the log (s), and the length of the reason in one.
+_LOG_PERIOD, _LONGEST_REASON = 1.0, 200
 #: What the page sends. viser would also take uploads, and requests to make the page public.
 _MESSAGES = (
     'ViewerCameraMessage', 'SceneNodeClickMessage', 'ScenePointerMessage', 'GuiUpdateMessage',
@@ -75,6 +82,7 @@ class Server(viser.ViserServer):
     def __init__(self, listening: socket.socket, why_refused: Callable[['Headers'], str]) -> None:
         """Start; `why_refused` returns why a request with these headers is refused, or ''."""
         self._listening, self._why_refused, self._is_guarded = listening, why_refused, False
+        self._next_line = 0.0  # of the log (s, monotonic clock)
         address, port, *_ = listening.getsockname()
         _silence()
         websockets.asyncio.server.serve = self._serve
@@ -102,23 +110,51 @@ class Server(viser.ViserServer):
                 return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
             return process_request(connection, request)
 
-        return _SERVE(handler, **{**kwargs, 'sock': self._listening, 'process_request': process,
-                                  'max_size': LONGEST})
+        async def handle(connection: Any) -> None:
+            try:
+                await handler(connection)
+            except Exception as error:  # bytes that are no message, or one that cannot be sent
+                self._log(error)
+                raise
+
+        return _SERVE(handle, **{**kwargs, 'sock': self._listening, 'process_request': process,
+                                 'max_size': LONGEST})
 
     def _guard_messages(self, receiver: Any) -> None:
-        """Let a message that is not allowed, or whose handler fails, end its connection."""
+        """Let a message that is not allowed, or whose handler fails, end its session."""
         handle = receiver._handle_incoming_message
 
-        async def handle_or_close(client_id: int, message: Any) -> None:
+        async def handle_or_end(client_id: int, message: Any) -> None:
             try:
                 _check(message)
+                if hasattr(message, 'updates') and (control := self._control(client_id, message)):
+                    message.updates['value'] = _fitted(control, message.updates['value'])
                 await handle(client_id, message)
-            except Exception:
-                logging.getLogger(__name__).debug('a viewer is disconnected', exc_info=True)
-                if connection := self._websock_server._live_connections.get(client_id):
-                    await connection.close(1008)  # policy violation
+            except Exception as error:
+                self.end_session(client_id, error)
 
-        receiver._handle_incoming_message = handle_or_close
+        receiver._handle_incoming_message = handle_or_end
+
+    def _control(self, client_id: int, message: Any) -> Any:
+        """Return the control that a message changes; None: it has been removed."""
+        client = self.get_clients().get(client_id)
+        return next((found for gui in (self.gui, *([client.gui] if client else []))
+                     if (found := gui._gui_input_handle_from_uuid.get(message.uuid))), None)
+
+    def end_session(self, client_id: int, error: Exception) -> None:
+        """Disconnect a viewer whose data have raised an error."""
+        self._log(error)
+        if connection := self._websock_server._live_connections.get(client_id):
+            asyncio.run_coroutine_threadsafe(
+                connection.close(1008), self.get_event_loop())  # policy violation
+
+    def _log(self, error: Exception) -> None:
+        logger, now = logging.getLogger(__name__), monotonic()
+        if now >= self._next_line:
+            self._next_line = now + _LOG_PERIOD
+            logger.warning('a viewer is disconnected: %s', visible(abbreviated(
+                f'{type(error).__name__}: {error}', _LONGEST_REASON)))
+        logger.debug('a viewer is disconnected', exc_info=error)
 
 
 def receive_at_once(client: viser.ClientHandle) -> None:
@@ -142,13 +178,10 @@ def _check(message: Any) -> None:
     if type(message).__name__ not in _MESSAGES:
         raise ValueError(type(message))
     # viser would set any attribute of a control.
-    if hasattr(message, 'updates'):
-        if message.updates.keys() != {'value'}:
-            raise ValueError(message.updates)
-        value = message.updates['value']
-        numbers = value if isinstance(value, (list, tuple)) else [value]
-        if not all(isfinite(each) for each in numbers if isinstance(each, float)):
-            raise ValueError(message.updates)
+    if hasattr(message, 'updates') and message.updates.keys() != {'value'}:
+        raise ValueError(message.updates)
+    if hasattr(message, 'request_uuid') and not isinstance(message.value, (str, type(None))):
+        raise ValueError(message)
     if type(message).__name__.startswith('TransformControls') and message.name != HANDLES:
         raise ValueError(message.name)
     if hasattr(message, 'wxyz'):
@@ -163,6 +196,31 @@ def _check(message: Any) -> None:
                 *message.look_at, *message.up_direction, message.fov, message.image_width,
                 message.image_height)))):
         raise ValueError(message)
+
+
+def _fitted(control: Any, value: Any) -> Any:
+    """
+    Return a value for a control, within its range; ValueError: it is of another kind.
+
+    While a viewer types, a browser sends numbers beyond the range, and corrects them at the end.
+    """
+    known = control.value
+    if isinstance(known, tuple):
+        if not isinstance(value, (list, tuple)) or len(value) != len(known):
+            raise ValueError(f'{control.label} must be {len(known)} numbers, got {value!r}')
+        lower, upper = (control.min or (-inf,) * len(known)), (control.max or (inf,) * len(known))
+        return [*map(partial(_number, control.label), value, lower, upper)]
+    if isinstance(known, float):
+        return _number(control.label, value, control.min, control.max)
+    if type(value) is not type(known):
+        raise ValueError(f'{control.label} must be a {type(known).__name__}, got {value!r}')
+    return value
+
+
+def _number(label: str, value: Any, lower: float, upper: float) -> float:
+    if type(value) not in (int, float) or not isfinite(value):
+        raise ValueError(f'{label} must be a number, got {value!r}')
+    return min(max(float(value), lower), upper)
 
 
 def _silence() -> None:

@@ -1,5 +1,5 @@
 """
-Fuzz targets: names of frames in every text that shows them, WebSocket messages, command lines.
+Fuzz targets: names of frames in every text that shows them, the page, and command lines.
 
 See fuzz_messages.py for what a target is.
 """
@@ -46,6 +46,8 @@ from puretf_tools.view.placement import FrameWatcher
 
 #: A line of a terminal may have this many characters: some names, abbreviated and then escaped.
 _LONGEST_LINE = 8000
+#: The logger of the sessions that end.
+DISCONNECTED = 'puretf_tools.view.viser_private'
 
 
 class Stopped(BaseException):
@@ -390,12 +392,14 @@ class _Server:
         from puretf_tools.view.view import View
         from puretf_tools.view.viser_private import Server
         self.faults: list[str] = []
+        self.refused: list[str] = []  #: why viser's thread has ended sessions
         self._before = threading.excepthook
         threading.excepthook = lambda args: self.faults.append(f'a thread died: {args}')
-        self._handler = logging.Handler(logging.WARNING)
-        self._handler.emit = lambda record: self.faults.append(  # type: ignore[method-assign]
-            f'{record.name}: {record.getMessage()} {record.exc_info}')
+        self._handler = logging.Handler()
+        self._handler.emit = self._note  # type: ignore[method-assign]
         logging.getLogger().addHandler(self._handler)
+        # Of each session that ends: what the thread of viser refuses is no fault.
+        logging.getLogger(DISCONNECTED).setLevel(logging.DEBUG)
         listening = socket.create_server(('127.0.0.1', 0))
         self.server = Server(listening, lambda headers: '')
         self.port = self.server.get_port()
@@ -432,6 +436,13 @@ class _Server:
             time.sleep(0.001)
         self.view.update()  # creates its panel
         self.threads = {*threading.enumerate()}
+
+    def _note(self, record: logging.LogRecord) -> None:
+        text = logging.Formatter().format(record)
+        if record.name == DISCONNECTED and record.thread != threading.main_thread().ident:
+            self.refused.append(text)
+        elif record.name == DISCONNECTED or record.levelno >= logging.WARNING:
+            self.faults.append(text)
 
     def client(self) -> Any:
         """Return a new connection."""

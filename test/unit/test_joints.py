@@ -128,12 +128,12 @@ def test_what_one_viewer_moves_the_other_sees():
 
 
 def test_wrong_numbers_of_a_viewer():
-    """They are clamped, and the slider shows what counts."""
+    """They are clamped, and the slider of the other viewer shows what counts."""
     with Page(JointControl('/joint_states', ARM)) as page:
         page.wait_for_sliders(3)
         for value, shown in (1e9, 45.0), (-1e300, -90.0), (12.34, 12.3):
             page.viewer.set('turn (°)', value)
-            page.until(lambda shown=shown: page.viewer.value('turn (°)') == shown)
+            page.until(lambda shown=shown: page.other.value('turn (°)') == shown, page.other)
 
 
 def test_a_robot_that_moves_by_itself():

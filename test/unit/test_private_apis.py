@@ -27,8 +27,8 @@ PRIVATE = {
     'puretf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
     'puretf/_ros/transform_stamped.py': SLOTS,
     'puretf_tools/view/viser_private.py': {
-        '_handle_incoming_message', '_impl', '_live_connections', '_queue_scene_message',
-        '_websock_connection', '_websock_server', 'viser._messages'}}
+        '_gui_input_handle_from_uuid', '_handle_incoming_message', '_impl', '_live_connections',
+        '_queue_scene_message', '_websock_connection', '_websock_server', 'viser._messages'}}
 #: Our packages, the standard library, and a library that does not list all public modules.
 NOT_SEARCHED = {*PACKAGES, *sys.stdlib_module_names, 'matplotlib'}
 #: Names with an underscore that the documentation of Python has.

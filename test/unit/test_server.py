@@ -231,7 +231,7 @@ NONSENSE = {
 
 @pytest.mark.parametrize('message', NONSENSE.values(), ids=NONSENSE)
 def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
-    """Another viewer can use the page, and nothing is printed."""
+    """Another viewer can use the page, and nothing is printed but by the log."""
     with connected(page) as bad:
         bad.send(message(bad.uuid('Axis length (m)')))
         with pytest.raises(ConnectionClosed):
@@ -240,6 +240,17 @@ def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
     viewer.set('View', 'all')
     viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'))
     assert capfd.readouterr() == ('', '')
+
+
+@pytest.mark.parametrize('name', ['no msgpack', 'a public page', 'no direction is up'])
+def test_nonsense_is_logged(logs, name):
+    """By a line that says why a viewer is disconnected."""
+    with serve('127.0.0.1') as server, closing(Viewer(server.get_port())) as bad:
+        bad.send(NONSENSE[name](''))
+        with pytest.raises(ConnectionClosed):
+            bad.until(lambda: False)
+    assert {record.getMessage().partition(':')[0] for record in logs} == {
+        'a viewer is disconnected'}
 
 
 def test_bytes_that_are_no_request(page, capfd):

@@ -1604,6 +1604,86 @@ def test_a_view_that_is_too_long_to_come_back(page):
     shown.until(lambda: json_of(viewer).get('Frame') == 'map')
 
 
+def test_an_error_of_one_viewer(page, monkeypatch, logs):
+    """It ends the session of this viewer, with a line in the log; the other one goes on."""
+    from viewer import Viewer
+    from websockets.exceptions import ConnectionClosed
+
+    from puretf_tools.view.pair import Pair
+    update = Pair.update
+
+    def fail(pair, *args):
+        if pair.frames == ('map', 'base'):
+            raise OverflowError('too \x1b[2J large')
+        update(pair, *args)
+
+    monkeypatch.setattr(Pair, 'update', fail)
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer))
+    bad = Viewer(shown.server.get_port())
+    bad.until(lambda: {'A', 'B'} <= {props.get('label') for props in bad.gui.values()},
+              shown.update)
+    bad.until(lambda: 'base' in bad.get('B', 'options'), shown.update)
+    bad.set('A', 'map')
+    bad.set('B', 'base')
+    with pytest.raises(ConnectionClosed):
+        bad.until(lambda: False, shown.update)
+    record, = logs
+    assert record.getMessage() == 'a viewer is disconnected: OverflowError: too \\x1b[2J large'
+    shown.set('Frame', 'map')
+    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
+    shown.until(lambda: len(shown.view.viewers) == 1)
+
+
+@pytest.mark.parametrize(('label', 'value'), [
+    ('Axis length (m)', 'nan'), ('Axis length (m)', b'inf'), ('Axis length (m)', True),
+    ('Frame timeout (s)', None), ('Back (s)', float('inf')), ('Plot over', '1 week'),
+    ('Grid', 'x'), ('Search', 1), ('Include', ['a']), ('Fixed frame', 0)])
+def test_nonsense_in_a_control(page, label, value):
+    """It ends the session of its viewer, and no other one."""
+    from viewer import Viewer
+    from websockets.exceptions import ConnectionClosed
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer), view='{"A": "map", "B": "base"}')
+    bad = Viewer(shown.server.get_port())
+    bad.until(lambda: bad.text('pair') and bad.names(), shown.update)
+    bad.set(label, value)
+    with pytest.raises(ConnectionClosed):
+        bad.until(lambda: False, shown.update)
+    shown.set('Frame', 'map')
+    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
+
+
+@pytest.mark.parametrize(('label', 'typed', 'value'), [
+    ('Axis length (m)', 5, 2.0), ('Axis length (m)', 1e308, 2.0), ('Frame timeout (s)', -1, 1.0)])
+def test_numbers_beyond_the_range_of_a_slider(page, label, typed, value):
+    """A browser sends them while a viewer types; the nearest number of the range counts."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer))
+    shown.set(label, typed)
+    shown.clock[0] += 2.0
+    shown.until(lambda: json_of(shown.viewer).get(label) == value)
+
+
+@pytest.mark.parametrize('answer', [1, [], b'{}', {'a': 1}])
+def test_an_answer_of_the_storage_that_is_no_text(page, answer):
+    """It ends the session of its viewer, and no other one."""
+    from viewer import Viewer
+    from websockets.exceptions import ConnectionClosed
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer))
+    bad = Viewer(shown.server.get_port())
+    bad.storage['/tf 0'] = answer
+    with pytest.raises(ConnectionClosed):
+        bad.until(lambda: False, shown.update)
+    shown.set('Frame', 'map')
+    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
+
+
 def test_a_browser_that_stores_nothing(page):
     """The page works, and says once that nothing is kept."""
     from viewer import Viewer
