@@ -37,12 +37,12 @@ MODULES = {
     'cdr': 'fuzz_messages', 'streams': 'fuzz_messages', 'ros1': 'fuzz_messages',
     'type': 'fuzz_messages', 'bags': 'fuzz_messages', 'db3': 'fuzz_messages',
     'description': 'fuzz_messages',
-    'names': 'fuzz_surfaces', 'websocket': 'fuzz_surfaces', 'commands': 'fuzz_surfaces',
-    'meshes': 'fuzz_shapes', 'clouds': 'fuzz_shapes'}
+    'names': 'fuzz_surfaces', 'websocket': 'fuzz_surfaces', 'views': 'fuzz_surfaces',
+    'commands': 'fuzz_surfaces', 'meshes': 'fuzz_shapes', 'clouds': 'fuzz_shapes'}
 _AT_A_TIME = 2
 #: One input may take this long (s), and the process may use this much memory (MB).
 _LONGEST, _MOST_MEMORY = 20, 2048
-_LONGEST_OF = {'db3': 5, 'meshes': 5, 'clouds': 5}
+_LONGEST_OF = {'db3': 5, 'views': 5, 'meshes': 5, 'clouds': 5}
 #: An input that finds a fault is minimised for at most this long (s).
 _MINIMISING = 30
 _LONGEST_INPUT = 4096  # bytes

@@ -30,6 +30,7 @@ from unittest.mock import patch
 import bags
 from environment import COMMANDS, ROS
 from fuzz_messages import folder, Input, logged_texts, S, T
+from views import RIGHT
 
 from puretf import LONGEST_NAME, shortened, TransformBuffer, TransformException, visible
 from puretf._core.frames import as_dot as frames_as_dot
@@ -444,6 +445,24 @@ class _Server:
         elif record.name == DISCONNECTED or record.levelno >= logging.WARNING:
             self.faults.append(text)
 
+    def paste(self, text: str) -> tuple[str, str]:
+        """Paste a view into the page of the other viewer; return the answer, and the view then."""
+        viewer = self.other
+        viewer.until(lambda: any(props.get('label') == 'Publish' for props in viewer.gui.values()),
+                     self.view.update)
+        viewer.press('R')
+        viewer.set('Paste view', text)
+        viewer.until(lambda: not viewer.value('Paste view'), self.view.update)
+        for shown in self.view.viewers.values():
+            viewer.until(lambda: not shown.pace.is_waiting)  # noqa: B023
+        self.view.update()
+        answer = viewer.text('paste')
+        viewer.set('Copy view', True)
+        viewer.set('Paste view', ' ')
+        viewer.until(lambda: not viewer.value('Paste view'), self.view.update)
+        return answer, unescape(re.findall(
+            'data-text="view"[^>]*>([^<]*)<', viewer.text('view'))[0])
+
     def client(self) -> Any:
         """Return a new connection."""
         from websockets.sync.client import connect
@@ -595,6 +614,66 @@ def seeds_of_websocket() -> Iterator[bytes]:
             for number in range(3) for field in range(1, 9))
     yield b'\2\7\0\12\0'
     yield b'\2\0\xc1\xff\1\12anything'
+
+
+def _view(source: Input) -> str:
+    """Return a view as a line of JSON, with right and wrong values, or another text."""
+    values: tuple[Any, ...] = (
+        10**400, -10**400, math.nan, math.inf, -1e308, 2**63, -1, 0.5, None, True, '', '\ud800',
+        'map', 'float', '20 s', 'x' * 1025, [], {}, [[]], ['\udcff'], ['map'], {'tree': []})
+
+    def value(depth: int = 2) -> Any:
+        kind = source.integer(5)
+        if kind == 0:
+            return source.number()
+        if kind == 1:
+            return source.text()
+        if kind < 4 or not depth:
+            return source.choice(values)
+        return [value(depth - 1) for _ in range(source.integer(8))] if kind == 4 else {
+            source.choice(('main', 'tree', 'x')): value(depth - 1)
+            for _ in range(source.integer(3))}
+
+    if (kind := source.integer(15)) == 0:
+        return source.raw(4096).decode('utf-8', 'replace')
+    view = {}
+    for _ in range(1 + source.integer(7)):
+        name = source.choice([*RIGHT])
+        view[name] = value() if source.integer(1) else source.choice(RIGHT[name])
+        if isinstance(view[name], list) and view[name] and kind > 7:
+            view[name] = [*view[name]]
+            view[name][source.integer(len(view[name]) - 1)] = value()
+    return json.dumps(view)
+
+
+def check_views(data: bytes) -> None:
+    """Paste a view: it is shown or refused in a line, the page goes on, and keeps a right view."""
+    from websockets.exceptions import ConnectionClosed
+
+    from puretf_tools.view.settings import Settings
+    served, text = page(), _view(Input(data)) or ' '
+    served.faults.clear()
+    served.refused.clear()
+    with redirect_stdout(io.StringIO()) as output, redirect_stderr(output):
+        try:
+            answer, kept = served.paste(text)
+        except ConnectionClosed as error:
+            raise AssertionError('\n'.join([text, *served.faults, *served.refused])) from error
+    check_lines(answer)
+    assert len(answer) < 1000, answer
+    json.loads(kept, parse_constant=lambda name: 1 / 0)
+    assert Settings().restore(kept) == '', kept
+    faults = [*served.faults, *filter(None, [output.getvalue()])]
+    assert not faults, '\n'.join(faults)
+
+
+def seeds_of_views() -> Iterator[bytes]:
+    """Yield each setting with a right value, with others, and a text that is no view."""
+    yield b'\0[1]'
+    for number in range(len(RIGHT)):
+        yield bytes([1, 0, number, 0, 0])
+        for kind in range(2, 6):
+            yield bytes([9, 1, number, 1, kind, number, number, 0, 1, kind % 4])
 
 
 # Command lines

@@ -11,7 +11,8 @@ import fuzz
 import fuzz_messages
 
 #: The modules without which a target cannot be called.
-NEEDED = {'websocket': 'viser', 'type': 'rclpy', 'meshes': 'collada', 'clouds': 'rclpy'}
+NEEDED = {'websocket': 'viser', 'views': 'viser', 'type': 'rclpy', 'meshes': 'collada',
+          'clouds': 'rclpy'}
 FOUND = [(name, path) for name in fuzz.MODULES for path in fuzz.reproducers(name)]
 
 
