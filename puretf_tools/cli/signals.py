@@ -67,7 +67,8 @@ def unchecked_signals_end() -> Iterator[None]:
 
 def _set_timer(seconds: float) -> None:
     if _is_limited:
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        # Again and again, since what is raised in a callback of the garbage collector is lost.
+        signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
 
 
 def _interrupt(*_: object) -> None:
