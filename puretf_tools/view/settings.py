@@ -4,11 +4,12 @@ from collections.abc import Callable
 from contextlib import suppress
 import json
 from math import pi
-from typing import Any, NamedTuple
-
-import viser
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from puretf import abbreviated, LONGEST_NAME
+
+if TYPE_CHECKING:
+    import viser
 
 #: The ranges of sliders, by their labels.
 _RANGES = {'Axis length (m)': (0.02, 2.0), 'Frame timeout (s)': (1.0, 60.0), 'Opacity': (0.1, 1.0)}
@@ -120,7 +121,7 @@ class Settings:
         self.add(control.label, lambda: control.value, write)
         return control
 
-    def slider(self, gui: viser.GuiApi, label: str, step: float, value: float) -> Any:
+    def slider(self, gui: 'viser.GuiApi', label: str, step: float, value: float) -> Any:
         """Create a slider with the range of a setting."""
         return self.control(gui.add_slider(label, *_RANGES[label], step, value))
 

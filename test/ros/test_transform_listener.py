@@ -734,17 +734,11 @@ def test_a_callback_may_end_the_listener_and_its_node(ros, sender, own):
     assert not ros.node.count_subscribers('/tf')
 
 
-@pytest.fixture
-def thread_errors(monkeypatch):
-    """The errors that have ended threads."""
-    errors = []
-    monkeypatch.setattr(threading, 'excepthook', lambda args: errors.append(args.exc_value))
-    return errors
-
-
 @pytest.mark.parametrize('is_destroyed', [True, False])
-def test_a_destroyed_handle_is_an_error_only_if_the_node_lives(own, thread_errors, is_destroyed):
+def test_a_destroyed_handle_is_an_error_only_if_the_node_lives(own, monkeypatch, is_destroyed):
     """`destroy_node` destroys publishers first, and long before it tells the listener."""
+    errors = []
+    monkeypatch.setattr(threading, 'excepthook', lambda args: errors.append(args.exc_type))
     Recording(Buffer(node=own), own, spin_thread=True)
     (thread,) = threads_of_listeners()
     publisher = own.create_publisher(Empty, 'used', 10)
@@ -758,7 +752,7 @@ def test_a_destroyed_handle_is_an_error_only_if_the_node_lives(own, thread_error
         own.destroy_publisher(publisher)
         thread.join(TIMEOUT)
     assert not thread.is_alive()
-    assert [type(error) for error in thread_errors] == [InvalidHandle] * (not is_destroyed)
+    assert errors == [InvalidHandle] * (not is_destroyed)
 
 
 def test_the_subscriptions_of_overridden_callbacks_end_with_the_listener(ros, listen):
