@@ -216,8 +216,7 @@ class McapFile:
 
     def _is_skipped(self, chunk: _Chunk) -> bool:
         """Return True if it is known that no message of a chunk is read; count its messages."""
-        is_indexed = self._is_indexed(chunk)
-        if is_indexed:
+        if self._is_indexed(chunk):
             self._contents.add_span(chunk.begin, chunk.end)
         elif self._is_checked or chunk.has_checksum:
             return False
