@@ -407,7 +407,10 @@ def move_the_arm(page, ros, buffer):
 
     # Behind the label come a hidden field, the handle and the field with the number.
     behind = '//label[.="joint_1 (°)"]/following::'
-    page.page.locator(f'xpath={behind}input[2]').fill('30')
+    number = page.page.locator(f'xpath={behind}input[2]')
+    page.button('Centre')  # while the arm waves, its numbers come between those that are typed
+    page.until(lambda: number.input_value() == '0')
+    number.fill('30')
     ros.until(lambda: angle() == pytest.approx(pi / 6))
     page.button('Centre')
     ros.until(lambda: angle() == 0.0)
