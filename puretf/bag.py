@@ -14,7 +14,8 @@ from puretf._bag.recordings import BagError, is_bag, Paths, resolved
 from puretf._bag.recordings import recordings as find_recordings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
-from puretf._core.texts import comma_list, later_part
+from puretf._core.texts import later_part
+from puretf._text.names import comma_list
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import Encoding, MessageReader
 from puretf.transform_buffer import TransformBuffer

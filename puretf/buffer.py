@@ -18,11 +18,12 @@ from rclpy.utilities import get_default_context
 
 from puretf._core.buffer_base import debug_tuple
 from puretf._core.hints import clock_publishers
-from puretf._core.times import nanoseconds, SECOND
+from puretf._core.times import nanoseconds
 from puretf._ros.futures import PendingFutures
 from puretf._ros.graph import nodes_on
 from puretf._ros.messages import FrameGraph
 from puretf._ros.qos import check_node
+from puretf._text.times import SECOND
 from puretf.buffer_core import BufferCore
 from puretf.buffer_interface import BufferInterface, NO_WAIT
 

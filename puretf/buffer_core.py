@@ -13,9 +13,10 @@ except ModuleNotFoundError as error:
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.frames import as_dot
 from puretf._core.pose import Pose
-from puretf._core.times import nanoseconds, SECOND, split
+from puretf._core.times import nanoseconds, split
 from puretf._core.velocity import tf2_velocity
 from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
+from puretf._text.times import SECOND
 from puretf.transform import Vector
 
 _LATEST = Time()

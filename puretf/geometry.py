@@ -43,7 +43,7 @@ from std_msgs.msg import Header
 from puretf import rotations
 from puretf._core.composition import compose, normalized
 from puretf._core.pose import Pose as FramePose
-from puretf._core.texts import comma_list, quoted
+from puretf._text.names import comma_list, quoted
 from puretf.exceptions import described, is_of_rosbags
 from puretf.point_cloud2 import layout
 

@@ -16,10 +16,12 @@ from rclpy.node import Node
 from puretf._core.engine import engine_of
 from puretf._core.filter_queue import Entry, FilterQueue
 from puretf._core.filter_queue import FilterFailureReason as FilterFailureReason
-from puretf._core.texts import shortened, ThrottledLog, visible
-from puretf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
+from puretf._core.texts import ThrottledLog
+from puretf._core.times import nanoseconds, nanoseconds_or_int
 from puretf._ros.qos import check_node
 from puretf._ros.rclpy_private import guard_condition, RCLError
+from puretf._text.names import shortened, visible
+from puretf._text.times import display_time, SECOND
 from puretf.buffer import create_jump_handle
 from puretf.buffer_core import BufferCore
 from puretf.exceptions import described

@@ -18,11 +18,11 @@ from rclpy.qos import QoSProfile
 from puretf._core import hints
 from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows, Row
-from puretf._core.texts import comma_list, TF_MESSAGE
 from puretf._ros.graph import gid_of, node_of, UNKNOWN
 from puretf._ros.other_topics import TransformSampler
 from puretf._ros.rclpy_private import rcl_take, subscribe, take_bytes, Taker
 from puretf._ros.subscription import SubscriptionSource, TopicSubscription
+from puretf._text.names import comma_list, TF_MESSAGE
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
 from puretf.transform_listener import TransformListener

@@ -7,7 +7,8 @@ from typing import Any, Optional, Union
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.engine import engine_of
 from puretf._core.history import load
-from puretf._core.times import nanoseconds_or_int, SECOND
+from puretf._core.times import nanoseconds_or_int
+from puretf._text.times import SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
 

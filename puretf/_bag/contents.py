@@ -9,6 +9,7 @@ from typing import Optional, Union
 
 from puretf._bag.recordings import BagError
 from puretf._core import texts
+from puretf._text.names import namespace_path, TF_MESSAGE, visible
 from puretf._wire import cdr, ros1
 from puretf._wire.definitions import begins_with_header
 from puretf._wire.headers import Headers
@@ -18,7 +19,7 @@ from puretf._wire.message_reader import Encoding
 NOT_RECORDED = 'not recorded'
 #: Topics whose messages are read: the type and the last part of the name, or the whole name.
 Other = Union[tuple[str, str], str]
-_TF_TYPES = texts.TF_MESSAGE, 'tf/msg/tfMessage'
+_TF_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
 #: The durabilities to which old versions of rosbag2 give numbers.
 _DURABILITIES = {'0': 'SYSTEM_DEFAULT', '1': 'TRANSIENT_LOCAL', '2': 'VOLATILE', '3': 'UNKNOWN'}
 _REMEDIES = {
@@ -61,7 +62,7 @@ class Contents:
         """Find nothing yet; see `Bag.messages`."""
         self._path, self._partial, self.max_bytes = path, partial, max_bytes
         self.file, self.kind = path, ''  #: what is being read; '': a file of an unknown format
-        self._namespace = texts.namespace_path(namespace)
+        self._namespace = namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._tf, self._headers, self._others = tf, headers, others
         self.topics: dict[tuple[str, str], Topic] = {}  #: by name and type
@@ -108,11 +109,11 @@ class Contents:
             raise error
         text = texts.error_line(error)
         if not self._partial:
-            name = '' if self.file == self._path else f'{texts.visible(self.file.name)}: '
+            name = '' if self.file == self._path else f'{visible(self.file.name)}: '
             raise BagError(f'{self._path} cannot be read: {name}{text} '
                            f'{_REMEDIES[self.kind] if self.kind or name else ""}'.rstrip()
                            ) from None
-        self.damage.append(f'{texts.visible(str(self.file))}: {text}')
+        self.damage.append(f'{visible(str(self.file))}: {text}')
 
     def wrong_types(self) -> str:
         """Name the topics of TF that have another type; return '' if there are none."""

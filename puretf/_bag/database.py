@@ -7,7 +7,7 @@ import sqlite3
 
 from puretf._bag.contents import Contents, Topic
 from puretf._bag.unpacking import Item, TICK
-from puretf._core.texts import abbreviated
+from puretf._text.names import abbreviated
 
 _DELETE = '; the program sqlite3 can delete such messages'
 

@@ -10,7 +10,8 @@ from pathlib import Path, PurePath
 import re
 from typing import Any, NamedTuple, Optional, Union
 
-from puretf._core.texts import comma_list, error_line, renamed, shortened, visible
+from puretf._core.texts import error_line, renamed
+from puretf._text.names import comma_list, shortened, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]

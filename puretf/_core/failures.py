@@ -9,9 +9,9 @@ from weakref import ref
 from puretf._core import hints, texts
 from puretf._core.frames import as_string
 from puretf._core.history import History
-from puretf._core.similar_names import is_slip
-from puretf._core.times import is_frozen
 from puretf._core.tree import END, FrameTree
+from puretf._text.similar_names import is_slip
+from puretf._text.times import is_frozen
 from puretf.exceptions import (
     ConnectivityException,
     ExtrapolationException,

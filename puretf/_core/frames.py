@@ -4,7 +4,7 @@ from collections.abc import Iterable
 import re
 from typing import NamedTuple, Optional
 
-from puretf._core.times import display_time, in_seconds
+from puretf._text.times import display_time, in_seconds
 
 #: To compute a rate, tf2 divides the number of samples by the time between the oldest and the
 #: newest sample. If this time is shorter than `_SHORTEST_SPAN` (ns), tf2 divides by

@@ -9,9 +9,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, Optional
 
-from puretf._core.similar_names import difference, may_be_one_robot, suggest_names
-from puretf._core.texts import comma_list, MAX_TOPICS, quoted, see, shortened, TF_MESSAGE
-from puretf._core.times import exact_time, is_frozen, SECOND
+from puretf._text.names import comma_list, MAX_TOPICS, quoted, see, shortened, TF_MESSAGE
+from puretf._text.similar_names import difference, may_be_one_robot, suggest_names
+from puretf._text.times import exact_time, is_frozen, SECOND
 from puretf.exceptions import ExtrapolationException, TransformException, with_hint
 
 #: Times that are farther apart (ns) are probably, or certainly, not from one clock.

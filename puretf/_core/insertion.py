@@ -19,7 +19,7 @@ from puretf._core.frames import is_too_long, LONGEST_NAME
 from puretf._core.history import History, MAX_SAMPLES_PER_STAMP, StaticHistory
 from puretf._core.lookup import Lookups
 from puretf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
-from puretf._core.times import SECOND
+from puretf._text.times import SECOND
 
 #: One frame may have at most this number of samples per second of cache time.
 _MAX_SAMPLES_PER_SECOND = 10_000

@@ -1,4 +1,4 @@
-"""Conversion of times and durations: ROS types to nanoseconds, nanoseconds to seconds or text."""
+"""Conversion of times and durations of ROS to nanoseconds."""
 
 from datetime import timedelta
 from math import isfinite
@@ -6,22 +6,11 @@ from numbers import Integral, Real
 from operator import index
 from typing import Any
 
+from puretf._text.times import SECOND
 from puretf.exceptions import described
 
-#: One second (ns).
-SECOND = 1_000_000_000
 #: The seconds of the times of messages are smaller: they are an int32.
 _MOST_SECONDS = 1 << 31
-
-
-def is_frozen(oldest: int, latest: int, count: int) -> bool:
-    """
-    Return True if the stamp of an edge does not advance: several transforms have the same.
-
-    >>> is_frozen(5, 5, 30), is_frozen(5, 6, 30), is_frozen(5, 5, 1)
-    (True, False, False)
-    """
-    return oldest == latest != 0 and count > 2
 
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
@@ -74,35 +63,3 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
 def split(time: int) -> tuple[int, int]:
     """Split a time (ns) into `sec` and `nanosec` of a stamp."""
     return divmod(time, SECOND)
-
-
-def in_seconds(time: int) -> float:
-    """
-    Convert nanoseconds to seconds with the rounding of tf2, as in `tf2::timeToSec`.
-
-    >>> in_seconds(1_500_000_000)
-    1.5
-    """
-    fraction = abs(time) % SECOND * (-1 if time < 0 else 1)
-    return (time - fraction) // SECOND + 1e-9 * fraction
-
-
-def display_time(time: int) -> str:
-    """
-    Write a time (ns) as seconds with six decimals, as `tf2::displayTimePoint` does.
-
-    >>> display_time(1_700_000_000_123_456_789)
-    '1700000000.123457'
-    """
-    return f'{in_seconds(time):.6f}'
-
-
-def exact_time(time: int) -> str:
-    """
-    Write a time (ns) as seconds with nine decimals, without rounding.
-
-    >>> exact_time(1_700_000_000_000_000_001), exact_time(-1_500_000_000)
-    ('1700000000.000000001', '-1.500000000')
-    """
-    whole, fraction = divmod(abs(time), SECOND)
-    return f'{"-" if time < 0 else ""}{whole}.{fraction:09d}'

@@ -6,7 +6,7 @@ import sys
 from puretf._core.composition import compose, inverse
 from puretf._core.lookup import Lookups
 from puretf._core.pose import IDENTITY, Pose
-from puretf._core.times import in_seconds, SECOND
+from puretf._text.times import in_seconds, SECOND
 from puretf.exceptions import TransformException
 from puretf.transform import Twist, Vector
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 import os
 from pathlib import Path
 
-from puretf._core.texts import comma_list, shortened
+from puretf._text.names import comma_list, shortened
 
 #: The ports of a ROS domain begin at `FIRST_PORT + PORTS * domain` (RTPS specification, 9.6.2).
 FIRST_PORT, PORTS = 7400, 250

@@ -18,9 +18,9 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from puretf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
-from puretf._core.texts import full_name, namespace_distance, TF_MESSAGE
 from puretf._ros.domains import other_domains
 from puretf._ros.rclpy_private import GID_SIZE
+from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
 
 #: The name of a publisher whose node is not known.
 UNKNOWN = 'unknown publisher'

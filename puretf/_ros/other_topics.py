@@ -12,10 +12,10 @@ from rclpy.subscription import Subscription
 
 from puretf._core.frames import is_too_long
 from puretf._core.hints import Elsewhere
-from puretf._core.texts import TF_MESSAGE
 from puretf._ros.graph import nodes_on, other_topics, UNKNOWN
 from puretf._ros.messages import TFMessage
 from puretf._ros.rclpy_private import subscribe, take_bytes
+from puretf._text.names import TF_MESSAGE
 from puretf._wire import cdr
 
 #: How long `OtherTopics` listens, the time until it listens again, and between two looks (s).

@@ -17,8 +17,9 @@ from rclpy.time import Time as ClockTime
 from std_msgs.msg import Header
 
 from puretf._core.pose import Row
-from puretf._core.texts import abbreviated
-from puretf._core.times import SECOND, written
+from puretf._core.times import written
+from puretf._text.names import abbreviated
+from puretf._text.times import SECOND
 from puretf._wire import cdr
 from puretf.exceptions import described, is_of_rosbags
 from puretf.transform import Transform as OurTransform

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from puretf._core.pose import IDENTITY, Pose, POSE_BYTES, Row
-from puretf._core.times import SECOND, split
+from puretf._core.times import split
+from puretf._text.times import SECOND
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}

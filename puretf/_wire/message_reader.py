@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.pose import Batch, BatchOrRows, Row, Rows
-from puretf._core.times import SECOND
+from puretf._text.times import SECOND
 from puretf._wire import cdr
 from puretf._wire.cdr import MalformedMessage
 

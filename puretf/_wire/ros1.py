@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 import struct
 
 from puretf._core.pose import POSE_BYTES, Row
-from puretf._core.times import SECOND
+from puretf._text.times import SECOND
 from puretf._wire.cdr import MalformedMessage, stamp_and_name
 
 _FIRST_NAME = 16  # where the first frame_id begins

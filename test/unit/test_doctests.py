@@ -22,7 +22,7 @@ def test_examples_are_right(name):
 def test_every_function_for_texts_has_an_example():
     """An example shows the format at a glance."""
     functions = [each for name, module in puretf._MODULES.items()
-                 if module in ('_core.similar_names', '_core.texts', '_core.times')
+                 if module in ('_text.names', '_text.similar_names', '_text.times')
                  and callable(each := getattr(puretf, name))]
     assert functions
     assert not [each for each in functions if '>>> ' not in each.__doc__]

@@ -10,13 +10,16 @@ from imports import imported, modules, of_ros, PACKAGES, reached
 #: For each part of the packages the parts that it may import. The longest name counts.
 MAY_IMPORT = {
     'puretf': ['puretf'],
-    'puretf._core': ['puretf._core', 'puretf.exceptions', 'puretf.transform'],
-    'puretf._wire': ['puretf._wire', 'puretf._core.pose', 'puretf._core.times',
+    'puretf._text': ['puretf._text'],
+    'puretf._causes': ['puretf._causes', 'puretf._text', 'puretf.exceptions'],
+    'puretf._core': ['puretf._core', 'puretf._causes', 'puretf._text', 'puretf.exceptions',
+                     'puretf.transform'],
+    'puretf._wire': ['puretf._wire', 'puretf._core.pose', 'puretf._core.times', 'puretf._text',
                      'puretf.exceptions'],
-    'puretf._bag': ['puretf._bag', 'puretf._core', 'puretf._wire'],
-    'puretf._tf2_msgs': ['puretf._core', 'puretf._tf2_msgs', 'puretf._wire'],
-    'puretf._ros': ['puretf._core', 'puretf._ros', 'puretf._tf2_msgs', 'puretf._wire',
-                    'puretf.exceptions', 'puretf.transform'],
+    'puretf._bag': ['puretf._bag', 'puretf._core', 'puretf._text', 'puretf._wire'],
+    'puretf._tf2_msgs': ['puretf._core', 'puretf._text', 'puretf._tf2_msgs', 'puretf._wire'],
+    'puretf._ros': ['puretf._causes', 'puretf._core', 'puretf._ros', 'puretf._text',
+                    'puretf._tf2_msgs', 'puretf._wire', 'puretf.exceptions', 'puretf.transform'],
     'puretf_tools': ['puretf_tools.cli'],
     **{f'puretf_tools.{room}': ['puretf', *(f'puretf_tools.{other}' for other in others.split())]
        for room, others in {
@@ -24,7 +27,9 @@ MAY_IMPORT = {
            'doctor': 'doctor robot inspection', 'view': 'view doctor robot inspection cli',
            'commands': 'view doctor robot inspection cli'}.items()},
     'dummy_arm': ['dummy_arm', 'puretf', 'puretf_tools.cli', 'puretf_tools.inspection']}
-NO_ROS = 'puretf._core', 'puretf._wire', 'puretf._bag', 'puretf_tools.doctor'
+#: What the tools share with `puretf`, though it is no user's.
+SHARED = 'puretf._text', 'puretf._causes'
+NO_ROS = (*SHARED, 'puretf._core', 'puretf._wire', 'puretf._bag', 'puretf_tools.doctor')
 
 
 def lies_in(name, part):
@@ -45,7 +50,7 @@ def is_private(name):
 def may_import(name, other):
     """Return True if a module may import another one of the package."""
     if is_private(other) and not lies_in(name, 'puretf'):
-        return False
+        return other.startswith(SHARED)
     return any(lies_in(other, part) for part in MAY_IMPORT[part_of(name)])
 
 

@@ -12,11 +12,11 @@ from messages import fail_on_error, written
 import pytest
 
 from puretf import abbreviated, shortened, TransformBuffer, TransformException, visible
-from puretf._core import similar_names
 from puretf._core.engine import engine_of
 from puretf._core.frames import as_string, Frame
 from puretf._core.history import History
 from puretf._core.pose import Row
+from puretf._text import similar_names
 from puretf._wire import cdr, ros1
 from puretf._wire.message_reader import MessageReader
 

@@ -3,7 +3,7 @@
 import pytest
 
 from puretf import ConnectivityException, is_slip, near_names, shortened, TransformBuffer
-from puretf._core.similar_names import difference
+from puretf._text.similar_names import difference
 
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 #: Two names of one frame, and by what they differ.

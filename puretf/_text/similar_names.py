@@ -7,7 +7,7 @@ from itertools import islice
 import re
 from typing import NamedTuple
 
-from puretf._core.texts import comma_list, LONGEST, quoted
+from puretf._text.names import comma_list, LONGEST, quoted
 
 #: The largest number of names that an error lists.
 _MAX_SHOWN = 5

@@ -1,0 +1,1 @@
+"""How names, numbers and times are written in texts."""

@@ -1,0 +1,141 @@
+"""
+Names for texts, and the sections of docs/troubleshooting.md.
+
+Names of frames are received from other nodes. They can contain any character, and can be long.
+Therefore they are escaped and abbreviated before they are printed.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import takewhile
+
+#: The name of the type TFMessage, in the ROS graph and in bags of rosbag2.
+TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
+#: The longest name (characters) that a log line shows in full.
+LONGEST = 100
+#: The largest number of topics or namespaces that an error lists.
+MAX_TOPICS = 10
+
+
+def visible(text: str) -> str:
+    r"""
+    Escape each character of a line that is not printable, as `repr` does.
+
+    A control character can move the cursor of a terminal; a lone surrogate is not valid UTF-8.
+
+    >>> print(visible('tool\x1b[2J'))
+    tool\x1b[2J
+    """
+    return text if text.isprintable() else ''.join(
+        c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def abbreviated(text: str, longest: int = LONGEST) -> str:
+    """
+    Replace the middle of a text of more than `longest` (at least 3) characters by three dots.
+
+    >>> abbreviated('left_front_wheel', 11)
+    'left...heel'
+    """
+    if len(text) <= longest:
+        return text
+    kept = longest - 3
+    return f'{text[:kept - kept // 2]}...{text[len(text) - kept // 2:]}'
+
+
+def shortened(name: str, longest: int = LONGEST) -> str:
+    r"""
+    Abbreviate and escape a name; if it begins or ends with a blank, add quotes.
+
+    >>> print(shortened('tool\n'), shortened('base_link '))
+    tool\n 'base_link '
+    """
+    name = abbreviated(name, longest)
+    return repr(name) if name[:1] == ' ' or name[-1:] == ' ' else visible(name)
+
+
+def quoted(name: str) -> str:
+    r"""
+    Abbreviate a name, and add quotes and escape sequences as `repr` does.
+
+    >>> print(quoted('tool\n'))
+    'tool\n'
+    """
+    return repr(abbreviated(name))
+
+
+def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
+    """
+    Join the first texts with commas, each converted by `write`, and say how many remain.
+
+    >>> comma_list(['a', 'b', 'c', 'd'], 2)
+    'a, b and 2 more'
+    """
+    more = f' and {len(texts) - shown} more' if len(texts) > shown else ''
+    return f'{", ".join(map(write, texts[:shown]))}{more}'
+
+
+#: By heading: the short names of the sections of docs/troubleshooting.md.
+SECTION_NAMES = {
+    'Extrapolation into the future': 'future',
+    'Extrapolation into the past': 'past',
+    'Only one time is in the buffer': 'one_time',
+    'A frame does not exist': 'missing_frame',
+    'Two unconnected trees': 'two_trees',
+    'TF_OLD_DATA': 'old_data',
+    'TF_REPEATED_DATA': 'repeated_data',
+    'The queue of a message filter is full': 'full_queue',
+    'Messages are earlier than all data in the cache': 'old_messages',
+    'use_sim_time and the wall clock': 'clock',
+    'The QoS of /tf_static': 'tf_static',
+    'No static transforms from a bag': 'split_bag',
+    'A frame jumps or flickers': 'jump',
+    'A jump back in time': 'jump_back',
+    'A leading slash, or a namespace': 'namespace',
+    'Half of a robot is in a namespace': 'half_namespace',
+    'Two nodes on /joint_states or /clock': 'two_nodes',
+    'A lookup that waits for its own node': 'own_node',
+    'Other faults': 'other'}
+
+
+def see(heading: str) -> str:
+    """
+    Return the end of a hint: the command that prints a section of docs/troubleshooting.md.
+
+    There is no period after the command, so that it can be copied.
+
+    >>> see('TF_OLD_DATA')
+    ' More: tf_doctor --explain old_data'
+    """
+    return f' More: tf_doctor --explain {SECTION_NAMES[heading]}'
+
+
+def namespace_path(namespace: str) -> str:
+    """
+    Return a namespace as the beginning of the name of a topic.
+
+    >>> namespace_path('robot/'), namespace_path('/')
+    ('/robot', '')
+    """
+    return ''.join(f'/{part}' for part in namespace.split('/') if part)
+
+
+def namespace_distance(namespace: str, other: str) -> int:
+    """
+    Return the number of steps, up and down, from one namespace to another.
+
+    >>> namespace_distance('/lab/robot1', '/lab'), namespace_distance('/robot1', '/robot2')
+    (1, 2)
+    """
+    parts, others = ([part for part in each.split('/') if part] for each in (namespace, other))
+    common = len([*takewhile(lambda pair: pair[0] == pair[1], zip(parts, others))])
+    return len(parts) + len(others) - 2 * common
+
+
+def full_name(namespace: str, name: str) -> str:
+    """
+    Return the full name of a node, whose namespace begins with a slash.
+
+    >>> full_name('/', 'arm'), full_name('/robot', 'arm')
+    ('/arm', '/robot/arm')
+    """
+    return f'{namespace.rstrip("/")}/{name}'

@@ -1,0 +1,46 @@
+"""Times (ns) as seconds and as text."""
+
+#: One second (ns).
+SECOND = 1_000_000_000
+
+
+def is_frozen(oldest: int, latest: int, count: int) -> bool:
+    """
+    Return True if the stamp of an edge does not advance: several transforms have the same.
+
+    >>> is_frozen(5, 5, 30), is_frozen(5, 6, 30), is_frozen(5, 5, 1)
+    (True, False, False)
+    """
+    return oldest == latest != 0 and count > 2
+
+
+def in_seconds(time: int) -> float:
+    """
+    Convert nanoseconds to seconds with the rounding of tf2, as in `tf2::timeToSec`.
+
+    >>> in_seconds(1_500_000_000)
+    1.5
+    """
+    fraction = abs(time) % SECOND * (-1 if time < 0 else 1)
+    return (time - fraction) // SECOND + 1e-9 * fraction
+
+
+def display_time(time: int) -> str:
+    """
+    Write a time (ns) as seconds with six decimals, as `tf2::displayTimePoint` does.
+
+    >>> display_time(1_700_000_000_123_456_789)
+    '1700000000.123457'
+    """
+    return f'{in_seconds(time):.6f}'
+
+
+def exact_time(time: int) -> str:
+    """
+    Write a time (ns) as seconds with nine decimals, without rounding.
+
+    >>> exact_time(1_700_000_000_000_000_001), exact_time(-1_500_000_000)
+    ('1700000000.000000001', '-1.500000000')
+    """
+    whole, fraction = divmod(abs(time), SECOND)
+    return f'{"-" if time < 0 else ""}{whole}.{fraction:09d}'
