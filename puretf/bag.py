@@ -231,7 +231,8 @@ class Bag(AbstractContextManager['Bag']):
             raise BagError(
                 f'{self.path} has TF messages ({count}), but no valid transform in them')
         if self.missing_part and not any(frame.is_static for frame in frames):
-            engine.tree.advice = f' {self.missing_part}'
+            text, _, remedy = self.missing_part.rpartition(': read ')
+            engine.tree.missing_part = text, f'Read {remedy}'
         return buffer
 
     def _records(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:

@@ -7,7 +7,7 @@ from typing import Any, Optional, Union
 from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
+from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle
 from rclpy.logging import get_logger
@@ -16,8 +16,8 @@ from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
+from puretf._causes.explanation import clock_publishers
 from puretf._core.buffer_base import debug_tuple
-from puretf._core.hints import clock_publishers
 from puretf._core.times import nanoseconds
 from puretf._ros.futures import PendingFutures
 from puretf._ros.graph import nodes_on
@@ -60,6 +60,7 @@ class Buffer(BufferCore, BufferInterface):
         BufferInterface.__init__(self)
         self._node, self._futures = node, PendingFutures(node)
         self._engine.add_waiter(self._futures)
+        self._engine.tree.needs_listener = True
         self._engine.insertion.log.write = get_logger('tf2_buffer').warning
         self._engine.is_alive = (get_default_context() if node is None else node.context).ok
         self.clock = Clock() if node is None else node.get_clock()
@@ -70,8 +71,11 @@ class Buffer(BufferCore, BufferInterface):
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
         """Clear the buffer, and log a warning, at most once a second."""
+        is_switch = time_jump.clock_change in (
+            ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED)
         self._engine.insertion.log.warn_once(
-            'jump', 'Detected jump back in time. Clearing tf buffer.', 1.0,
+            'jump', f'Detected {"time source change" if is_switch else "jump back in time"}. '
+            'Clearing tf buffer.', 1.0,
             lambda: clock_publishers(nodes_on(self._node, '/clock') if self._node else ()))
         self.clear()
         self._engine.insertion.log.flush()

@@ -1,4 +1,4 @@
-"""The exceptions of tf2; the text of a lookup error is that of tf2, sometimes with a hint."""
+"""The exceptions of tf2; the text of a lookup error is that of tf2, and what explains it."""
 
 from collections.abc import Callable
 from typing import Any, Optional, TypeVar
@@ -6,6 +6,8 @@ from typing import Any, Optional, TypeVar
 _Error = TypeVar('_Error', bound='TransformException')
 
 
+#: Returns what follows tf2's words in an error, and the codes of the causes.
+Explanation = Callable[[Any], tuple[str, tuple[str, ...]]]
 #: The longest value (characters) that the text of an error shows in full.
 _LONGEST = 100
 
@@ -13,17 +15,26 @@ _LONGEST = 100
 class TransformException(Exception):
     """Base class of the errors of a lookup."""
 
-    #: tf2's words, and the hint; None after the text was read.
-    _parts: Optional[tuple[str, Callable[[Any], str]]] = None
-    #: How the lookup has waited: a `_core.hints.Waited`; None: it has not.
+    #: tf2's words, and what follows; None after the text was read.
+    _parts: Optional[tuple[str, 'Explanation']] = None
+    #: How the lookup has waited: a `_causes.facts.Waited`; None: it has not.
     _waited: Any = None
+    _is_duration = False  #: whether a Duration was passed as a time
+    _causes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         if (parts := self._parts) is not None:  # two threads may come here
-            words, hint = parts
-            self.args = (words + hint(self._waited),)
+            words, explanation = parts
+            text, self._causes = explanation(self)
+            self.args = (words + ' ' * (words[-1:] not in ' \n') + text,)
             self._parts = None
         return super().__str__()
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """The codes of the causes that the text names, as those of `tf_doctor --json`."""
+        str(self)
+        return self._causes
 
     def __repr__(self) -> str:
         str(self)
@@ -55,7 +66,7 @@ class TimeoutException(TransformException):
 
 
 def tf2_words(error: TransformException) -> str:
-    """Return the text of an error without the hint; the text must not have been read yet."""
+    """Return tf2's words in the text of an error, which must not have been read yet."""
     return str(error.args[0]).rstrip()
 
 
@@ -84,14 +95,18 @@ def is_of_rosbags(value: Any) -> bool:
     return hasattr(value, '__msgtype__')
 
 
-def with_hint(error: _Error, hint: Callable[[Any], str]) -> _Error:
-    """
-    Append a hint to the text of an error; it is computed when the text is first read.
+def note_durations(error: TransformException, *times: Any) -> TransformException:
+    """Note whether a time of a failed lookup is a Duration, and return its error."""
+    error._is_duration = any(type(time).__name__ == 'Duration' for time in times)
+    return error
 
-    `hint` is called with the `_core.hints.Waited` of the lookup, or None.
 
-    While a lookup or a future waits, many errors are raised and discarded. A hint can take long to
-    compute, so do not read the text while you hold the lock of the buffer.
+def with_explanation(error: _Error, explanation: Explanation) -> _Error:
     """
-    error._parts = error.args[0], hint
+    Append an explanation to the text of an error; it is computed when the text is first read.
+
+    While a lookup or a future waits, many errors are raised and discarded. An explanation can take
+    long, so do not read the text while you hold the lock of the buffer.
+    """
+    error._parts = error.args[0], explanation
     return error

@@ -10,17 +10,18 @@ from collections.abc import Collection, Iterable
 from itertools import groupby
 from operator import attrgetter
 from time import monotonic, time_ns
-from typing import Any, NamedTuple, Optional, Union
+from typing import Any, NamedTuple, Optional
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from puretf._core import hints
+from puretf._causes.explanation import explain_silence, why_not_received
+from puretf._causes.facts import Surroundings
 from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows, Row
 from puretf._ros.graph import gid_of, node_of, UNKNOWN
 from puretf._ros.other_topics import TransformSampler
-from puretf._ros.rclpy_private import rcl_take, subscribe, take_bytes, Taker
+from puretf._ros.rclpy_private import subscribe, taker
 from puretf._ros.subscription import SubscriptionSource, TopicSubscription
 from puretf._text.names import comma_list, TF_MESSAGE
 from puretf._wire import cdr
@@ -159,29 +160,14 @@ class _Publishers:
                 names[0] if names else UNKNOWN)
 
 
-class _PlainTaker:
-    """Takes messages as a `Taker` does, but without gids, where rcl cannot be called."""
-
-    has_gids = has_reception_times = False
-
-    def __init__(self, handle: Any) -> None:
-        self._handle = handle
-
-    def take(self, max_messages: int) -> list[ReceivedMessage]:
-        return [ReceivedMessage.of(data) for data, _ in take_bytes(self._handle, max_messages)]
-
-
-def _taker(handle: Any) -> Union[Taker[ReceivedMessage], _PlainTaker]:
-    return Taker(handle, ReceivedMessage.of) if rcl_take() else _PlainTaker(handle)
-
-
 class _GidSource(SubscriptionSource):
     """A source with the gid of the publisher as authority."""
 
     def __init__(self, *args: Any, publishers: _Publishers, kept: _Kept) -> None:
         super().__init__(*args)
         self._publishers, self._kept = publishers, kept
-        self._takers = {each: _taker(each.handle) for each in self._subscriptions}
+        self._takers = {each: taker(each.handle, ReceivedMessage.of)
+                        for each in self._subscriptions}
 
     def _take(self, subscription: TopicSubscription) -> list[ReceivedMessage]:
         return self._takers[subscription].take(subscription.max_messages)
@@ -288,7 +274,7 @@ class PublisherListener(TransformListener):
 
     def wrong_type_hint(self) -> str:
         """Return who publishes another type than TFMessage on the topics; '' if nobody does."""
-        return hints.wrong_type(self._surroundings())
+        return why_not_received(self._surroundings(), 'wrong_type', has_section=False)
 
     def other_topics_hint(self) -> str:
         """
@@ -297,18 +283,18 @@ class PublisherListener(TransformListener):
         It is '' if a dynamic transform was received or has a publisher here, or if a static one
         was received in a namespace.
         """
-        return hints.other_topics(self._surroundings())
+        return why_not_received(
+            self._surroundings(), 'other_namespace', has_section=False)
 
     def topics_hint(self) -> str:
         """Return why transforms may not arrive; '' if there is no sign of it."""
-        return hints.topics(self._surroundings())
+        return why_not_received(self._surroundings())
 
     def why_nothing(self) -> str:
         """Return why nothing at all was received; '' if something was."""
-        around = self._surroundings()
-        return hints.topics(around) or hints.nothing(around)
+        return explain_silence(self._surroundings())
 
-    def _surroundings(self) -> hints.Surroundings:
+    def _surroundings(self) -> Surroundings:
         return super()._surroundings()._replace(ended={
             gid: node for gid, (node, _) in tuple(self._publishers.nodes.items())
             if gid not in self.present})
@@ -327,7 +313,7 @@ class TopicReader:
         self.topic, self._depth = topic, qos.depth
         self._subscription = subscribe(
             node, message_type, topic, lambda _: None, qos, node.default_callback_group)
-        self._taker = _taker(self._subscription.handle)
+        self._taker = taker(self._subscription.handle, ReceivedMessage.of)
         #: False if it is not known which publisher has sent a message.
         self.has_gids = self._taker.has_gids
         self._publishers = _Publishers(node, [topic])

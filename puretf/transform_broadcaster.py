@@ -24,7 +24,7 @@ from puretf._ros.transform_stamped import (
 from puretf._wire import cdr
 from puretf.exceptions import described
 
-#: The largest number of frames that are remembered for hints.
+#: The largest number of frames that are remembered for the texts of errors.
 _MOST_CHILDREN = 10_000
 
 

@@ -59,7 +59,7 @@ class TransformBuffer(BufferBase):
             copy._engine.tree.histories.update({
                 name: None if history is None else history.copy(stamp)
                 for name, history in engine.tree.histories.items()})
-        copy._engine.tree.advice = engine.tree.advice
+            copy._engine.tree.copy_facts(engine.tree)
         return copy
 
     @classmethod

@@ -16,13 +16,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from puretf._causes.facts import Blocked, Surroundings
 from puretf._core.engine import Engine, engine_of
-from puretf._core.hints import Blocked, Surroundings
 from puretf._core.texts import ThrottledLog
 from puretf._ros.graph import blocked_nodes, surroundings
 from puretf._ros.listener_thread import ListenerThread, NodeThread, SpinThread
 from puretf._ros.messages import TFMessage
-from puretf._ros.other_topics import OtherTopics
+from puretf._ros.other_topics import Ear
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
@@ -97,8 +97,7 @@ class TransformListener:
             tf_topic, self.callback, profile(qos, TF)) if self._has_tf else None
         self.tf_static_sub = self._subscribe(
             tf_static_topic, self.static_callback, profile(static_qos, TF_STATIC))
-        self._other_topics = OtherTopics(
-            node, [each.topic_name for each in self.subscriptions])
+        self._ear = Ear(node)
         self._qos_monitors: list[QosMonitor] = []
         self._thread: NodeThread
         self._source: Any
@@ -186,12 +185,12 @@ class TransformListener:
         engine.after_insertion()
 
     def _surroundings(self) -> Surroundings:
-        """Return what hints may use: the clock and the publishers."""
+        """Return what the texts of errors use: the clock and the publishers."""
         tree = None if self._engine is None else self._engine.tree
         has_data = tree is not None and bool(tree.histories)
         has_dynamic = tree is not None and tree.has_dynamic()
         around = surroundings(
-            self.node, self.subscriptions, has_data, has_dynamic, self._other_topics.find)
+            self.node, self.subscriptions, has_data, has_dynamic, self._ear.listen)
         return around._replace(is_new=monotonic() < self._start + _DISCOVERY)
 
     def callback(self, data: TFMessage) -> None:

@@ -11,13 +11,12 @@ from puretf._core import frames
 from puretf._core.composition import matrices
 from puretf._core.engine import Engine
 from puretf._core.frames import Frame
-from puretf._core.hints import hint_at_duration
 from puretf._core.pose import Pose
 from puretf._core.search import PathEdge
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.velocity import twist
 from puretf._core.waiting import wait
-from puretf.exceptions import described, tf2_words, TransformException
+from puretf.exceptions import described, note_durations, tf2_words, TransformException
 from puretf.transform import Transform, Twist
 
 #: The largest number of poses that are inserted or computed before the lock is released.
@@ -359,7 +358,7 @@ class BufferBase:
             stamp, pose = wait(
                 engine, timeout, engine.lookups.pose, target, source, self._ns(time))
         except TransformException as error:
-            hint_at_duration(error, time)
+            note_durations(error, time)
             raise
         return self._answer(target, source, stamp, pose)
 
@@ -371,7 +370,7 @@ class BufferBase:
                 engine, timeout, engine.lookups.pose_full, target, self._ns(target_time), source,
                 self._ns(source_time), fixed)
         except TransformException as error:
-            hint_at_duration(error, target_time, source_time)
+            note_durations(error, target_time, source_time)
             raise
         return self._answer(target, source, stamp, pose)
 
@@ -381,7 +380,7 @@ class BufferBase:
             wait(self._engine, timeout, self._engine.lookups.check, target, source, self._ns(time))
             return None
         except TransformException as error:
-            return hint_at_duration(error, time)
+            return note_durations(error, time)
 
     def _why_not_full(self, target: str, target_time: Any, source: str, source_time: Any,
                       fixed: str, timeout: float = 0.0) -> Optional[TransformException]:
@@ -390,7 +389,7 @@ class BufferBase:
                  self._ns(target_time), source, self._ns(source_time), fixed)
             return None
         except TransformException as error:
-            return hint_at_duration(error, target_time, source_time)
+            return note_durations(error, target_time, source_time)
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

@@ -21,8 +21,8 @@ from weakref import ref, WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
+from puretf._causes.facts import Blocked, Look, Surroundings
 from puretf._core import failures
-from puretf._core.hints import Blocked, Look, Surroundings
 from puretf._core.insertion import Insertion
 from puretf._core.lookup import Lookups
 from puretf._core.pose import Batch, BatchOrRows, Pose, POSE_BYTES, Row, Rows
@@ -77,7 +77,7 @@ class Engine:
         self.tree = FrameTree(cache_time)
         self.lookups = Lookups(self.tree)
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
-        #: Returns what hints may use; a listener assigns it.
+        #: Returns what the texts of errors use; a listener assigns it.
         self.look: Look = Surroundings
         #: Returns the nodes that cannot call back while this thread waits; a listener assigns it.
         self.find_blocked: Callable[[], Mapping[str, Blocked]] = dict

@@ -1,36 +1,47 @@
-"""The errors of lookups: tf2's words, and a hint that is written when the text is read."""
+"""The errors of lookups: tf2's words, and what follows them when the text is read."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import partial
 from time import monotonic_ns
 from typing import Optional
 from weakref import ref
 
-from puretf._core import hints, texts
+from puretf._causes.explanation import explain
+from puretf._causes.facts import (
+    CLEARED,
+    Edge,
+    Facts,
+    Frames,
+    FUTURE,
+    Look,
+    MISSING,
+    ONE_TIME,
+    PAST,
+    UNCONNECTED,
+)
+from puretf._core import texts
 from puretf._core.frames import as_string
 from puretf._core.history import History
 from puretf._core.tree import END, FrameTree
-from puretf._text.similar_names import is_slip
+from puretf._text.names import quoted, see
 from puretf._text.times import is_frozen
 from puretf.exceptions import (
     ConnectivityException,
+    Explanation,
     ExtrapolationException,
     InvalidArgumentException,
     LookupException,
     TransformException,
-    with_hint,
+    with_explanation,
 )
-
-#: The largest number of names that are compared with the root of another tree.
-_MAX_SLIPS = 5000
 
 
 def check(tree: FrameTree, name: str, where: str) -> None:
     """Raise tf2's error if a frame does not exist; its text names the caller, `where`."""
     problem = tree.problem(name)
     if problem == texts.UNKNOWN_FRAME:
-        raise with_hint(
-            LookupException(texts.unknown_frame(name, where)), _unknown(tree, name))
+        raise with_explanation(LookupException(texts.unknown_frame(name, where)),
+                               _explanation(tree, MISSING, (name,)))
     if problem:
         raise InvalidArgumentException(texts.invalid_argument(name, where, problem))
 
@@ -48,12 +59,8 @@ def check_for_can_transform(tree: FrameTree, **frames: str) -> None:
             words = texts.invalid_frame_id(name, argument, problem)
             if problem != texts.UNKNOWN_FRAME:
                 raise TransformException(words)
-            raise with_hint(TransformException(f'{words}. '), _unknown(tree, name))
-
-
-def _unknown(tree: FrameTree, name: str) -> Callable[[Optional[hints.Waited]], str]:
-    return partial(hints.unknown_frame, tree.look, name, tree.names,
-                   partial(_children, ref(tree)), tree.advice)
+            raise with_explanation(TransformException(f'{words}. '),
+                                   _explanation(tree, MISSING, (name,)))
 
 
 def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: str
@@ -61,29 +68,28 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
     """
     Create the error of a search that stopped at a frame without data for the time.
 
-    The text consists of tf2's words and a hint. tf2's words describe the frame at which the
-    search stopped. This frame may be above the path, since tf2 follows the ancestors of the
-    source as far as there are data. Therefore the hint describes the path itself.
+    tf2's words describe the frame at which the search stopped. This frame may be above the path,
+    since tf2 follows the ancestors of the source as far as there are data. What follows these
+    words describes the path itself.
     """
     history = tree.histories[frame]
     assert isinstance(history, History)
     words = texts.extrapolation(
         len(history), history.oldest, history.latest, time, target, source)
-    return with_hint(
+    return with_explanation(
         ExtrapolationException(words), _why_not_at(tree, time, target, source, frame))
 
 
 def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at: str
-                ) -> Callable[[Optional[hints.Waited]], str]:
+                ) -> Explanation:
     """
-    Return the hint of an ExtrapolationException.
+    Return the explanation of an ExtrapolationException.
 
-    The hint is about the path that follows the newest parents of the frames. Of the edges on
-    this path, the hint names one whose stamp does not advance, or the one whose samples are
-    farthest from `time` (ns). If all edges on this path have data at `time`, the frames had other
-    parents at that time. The hint then names the edge above `stopped_at`, the frame at which the
-    search stopped. If the newest parents do not connect the two frames, the hint names the roots
-    of their two trees.
+    It is about the path that follows the newest parents of the frames. Of the edges on this path,
+    it names one whose stamp does not advance, or the one whose samples are farthest from `time`
+    (ns). If all edges on this path have data at `time`, the frames had other parents at that time.
+    Then it names the edge above `stopped_at`, the frame at which the search stopped. If the newest
+    parents do not connect the two frames, it names the roots of their two trees.
     """
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
     if meeting is None:
@@ -104,60 +110,61 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
     history = tree.histories[worst]
     assert isinstance(history, History)
     if not len(history):
-        return partial(hints.cleared, tree.look, worst)
-    return partial(hints.extrapolation, tree.look, hints.Edge(
+        return _explanation(tree, CLEARED, (worst,))
+    symptom = FUTURE if time > history.latest else PAST if time < history.oldest else ONE_TIME
+    return _explanation(tree, symptom, (target, source), (), time, Edge(
         history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
         tree.cache_time, history.start > 0, history.authority,
         monotonic_ns() - history.arrival, history.repeated, history.refused,
-        history.refused_stamp, history.refused_authority,
-        history.is_refusing, tree.takes_ns), time)
+        history.refused_stamp, history.refused_authority, history.is_refusing))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END
                 ) -> ConnectivityException:
     from_source, from_target, _ = tree.chains_to_meeting(source, target, time)
-    return with_hint(
+    return with_explanation(
         ConnectivityException(texts.unconnected(target, source)),
         _why_unconnected(tree, target, [*from_target][-1], source, [*from_source][-1]))
 
 
 def _why_unconnected(tree: FrameTree, target: str, target_root: str, source: str, source_root: str
-                     ) -> Callable[[Optional[hints.Waited]], str]:
-    """Return the hint for two frames that have different roots."""
+                     ) -> Explanation:
+    """Explain that two frames have different roots."""
     for root in source_root, target_root:
         if (history := tree.histories[root]) is not None and not len(history):
-            return partial(hints.cleared, tree.look, root)
-    return partial(hints.unconnected, tree.look, target, target_root, source, source_root,
-                   tree.advice,
-                   partial(_slip, ref(tree), tree.names, target_root, source_root),
-                   partial(_children, ref(tree)))
+            return _explanation(tree, CLEARED, (root,))
+    return _explanation(tree, UNCONNECTED, (target, source), (target_root, source_root))
+
+
+def _explanation(tree: FrameTree, symptom: str, names: tuple[str, ...],
+                 roots: tuple[str, ...] = (), time: int = 0, edge: Optional[Edge] = None
+                 ) -> Explanation:
+    """Copy what is known now; the rest is asked when the text is read, without the lock."""
+    return partial(_explain, ref(tree), tree.look, tree.names if edge is None else (), symptom,
+                   names, roots, time, edge)
+
+
+def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: str,
+             names: tuple[str, ...], roots: tuple[str, ...], time: int, edge: Optional[Edge],
+             error: TransformException) -> tuple[str, tuple[str, ...]]:
+    tree = tree_ref()
+    return explain(Facts(symptom, look(), Frames(known) if tree is None else tree.facts(known),
+                         names, roots, time, edge, error._waited, error._is_duration))
 
 
 def too_long(tree: FrameTree, chain: list[str]) -> LookupException:
     """Return the error for a chain of ancestors that has too many edges, or is a loop."""
     # Copy the edges now, since the text of the error is written later, without the lock.
     edges = tree.newest_edges()
-    return with_hint(LookupException(texts.LOOP),
-                     lambda _: f'{as_string(edges)}\n{hints.loop(chain)}')
+    return with_explanation(LookupException(texts.LOOP), lambda _: (
+        f'{as_string(edges)}\n{_loop(chain)}', ('loop',)))
 
 
-def _slip(tree_ref: ref[FrameTree], names: tuple[str, ...], *roots: str) -> str:
-    """
-    Name a root and a frame of the other tree that are probably meant to be one frame.
-
-    The lock is not needed: a frame that has been removed has no ancestors.
-    """
-    tree = tree_ref()
-    if tree is not None:
-        for root, other in roots, roots[::-1]:
-            for name in names[:_MAX_SLIPS]:
-                if is_slip(root, name) and other in tree.all_ancestors(name):
-                    return hints.slip(name, root)
-    return ''
-
-
-def _children(tree_ref: ref[FrameTree]) -> set[str]:
-    """Return the frames that have had a parent; the lock is not needed."""
-    tree = tree_ref()
-    return set() if tree is None else {
-        name for name in tree.names if tree.histories.get(name) is not None}
+def _loop(chain: Sequence[str]) -> str:
+    """Name the frames of the loop at the upper end of a chain, or say that the chain is long."""
+    last = chain[-1]
+    earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
+    if not earlier:
+        return f'There is no loop, but a chain of more than {len(chain) - 1} edges.'
+    return (f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}. Remove one of '
+            f'these transforms.{see("Other faults")}')

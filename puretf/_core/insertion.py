@@ -13,7 +13,8 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf._core import hints, texts
+from puretf._causes.explanation import old_data_end, publisher_end
+from puretf._core import texts
 from puretf._core.composition import normalized
 from puretf._core.frames import is_too_long, LONGEST_NAME
 from puretf._core.history import History, MAX_SAMPLES_PER_STAMP, StaticHistory
@@ -58,8 +59,10 @@ class Insertion:
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if warnings := texts.refusals(parent, child, pose, authority):
+            self._tree.note_refusal(child, _reason(parent, child, (qx, qy, qz, qw)), authority,
+                                    is_static)
             self.log.warn(child, *warnings, end=partial(
-                hints.refused, self._tree.look, authority, is_static))
+                publisher_end, self._tree.look, authority, is_static))
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
@@ -72,6 +75,7 @@ class Insertion:
             if not self._accepts_names(parent, child, authority, is_static):
                 return False
             self._lookups.paths.clear()
+            self._tree.note_parents(child)
             histories.setdefault(child, None)
             histories.setdefault(parent, None)
             if is_static:
@@ -88,7 +92,7 @@ class Insertion:
             history.refusal = history.arrival
             self.log.warn(child, texts.old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
-                    hints.old_data, self._tree.look, authority))
+                    old_data_end, self._tree.look, authority))
             return False
         self._room -= 1
         if self._room < 0 or len(history) > self._max_samples_per_frame:
@@ -97,7 +101,7 @@ class Insertion:
 
     def _accepts_names(self, parent: str, child: str, authority: str, is_static: bool) -> bool:
         """Return True if both names are short enough, and `max_frames` allows the new frames."""
-        end = partial(hints.refused, self._tree.look, authority, is_static)
+        end = partial(publisher_end, self._tree.look, authority, is_static)
         if is_too_long(parent) or is_too_long(child):
             what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
             self.log.warn(child, texts.too_long_name(
@@ -258,3 +262,9 @@ def _large_angles(
             result[j, n] = (above[k, n] + below[k, n]) * scale
             result[k, n] = (above[j, n] + below[j, n]) * scale
             result[3, n] = (above[i, n] - below[i, n]) * scale
+
+
+def _reason(parent: str, child: str, rotation: tuple[float, ...]) -> str:
+    """Return why tf2 refuses a transform: the code of the cause."""
+    return ('empty_name' if not (parent and child) else 'loop' if parent == child else
+            'unnormalized' if not any(rotation) else 'not_a_number')

@@ -1,13 +1,17 @@
 """The tree of frames: the history of each frame, and the ancestors of a frame."""
 
+from operator import ne
 from typing import Any, Optional
 
-from puretf._core import hints, texts
+from puretf._causes.facts import Frames, Look, Parent, Refusal, Surroundings
+from puretf._core import texts
 from puretf._core.history import AnyHistory, History, State
 from puretf.exceptions import described
 
 #: A time after all stamps (ns), which are int64.
 END = 2**63
+#: The largest number of parents that are kept of a frame, and of frames with refused transforms.
+_MAX_PARENTS, _MAX_REFUSED = 8, 1000
 
 
 class FrameTree:
@@ -16,18 +20,22 @@ class FrameTree:
 
     `histories` is a dict from the name of each frame to its history, in the order in which the
     frames first occurred in a transform. The value is None if a frame has occurred only as a
-    parent. Paths and errors are the same as in tf2, but a hint may follow tf2's error text.
+    parent. Paths and errors are the same as in tf2, but more may follow tf2's error text.
     """
 
     def __init__(self, cache_time: int) -> None:
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
-        #: A hint that follows if frames are unknown or not connected, as when a part of a bag is
-        #: missing.
-        self.advice = ''
+        #: Which part of a bag is missing, and the remedy.
+        self.missing_part = '', ''
         self.takes_ns = False  #: True if the buffer's times are integers (ns)
-        #: What the hints of errors use; called when a text is read.
-        self.look: hints.Look = hints.Surroundings
+        self.needs_listener = False  #: True if a listener is expected to fill the buffer
+        #: What the texts of errors use; called when a text is read.
+        self.look: Look = Surroundings
+        #: By child: the parents that it has had before, the latest last.
+        self._earlier: dict[str, dict[str, Parent]] = {}
+        #: By child, then by reason: the transforms that were refused.
+        self._refusals: dict[str, dict[str, Refusal]] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -44,6 +52,56 @@ class FrameTree:
         for name, history in self.histories.items():
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
+        self._earlier.clear()
+        self._refusals.clear()
+
+    def copy_facts(self, other: 'FrameTree') -> None:
+        """Take what another tree knows beside its histories."""
+        self.missing_part = other.missing_part
+        self._earlier = {name: dict(each) for name, each in other._earlier.items()}
+        self._refusals = {name: dict(each) for name, each in other._refusals.items()}
+
+    def note_parents(self, child: str) -> None:
+        """Keep the parents of a frame, which is about to get another one."""
+        history = self.histories.get(child)
+        if history is not None and len(history):
+            parents = self._earlier.setdefault(child, {})
+            for name in history.all_parents:
+                parents.pop(name, None)
+                parents[name] = Parent(
+                    name, history.authority, history.latest, history.is_static)
+            for name in [*parents][:-_MAX_PARENTS]:
+                del parents[name]
+
+    def note_refusal(self, child: str, reason: str, authority: str, is_static: bool) -> None:
+        """Count a transform that is refused for a reason: the code of a cause."""
+        if child in self._refusals or len(self._refusals) < _MAX_REFUSED:
+            reasons = self._refusals.setdefault(child, {})
+            count = reasons[reason].count + 1 if reason in reasons else 1
+            reasons[reason] = Refusal(reason, count, authority, is_static)
+
+    def facts(self, names: tuple[str, ...]) -> Frames:
+        """Return what is known of the frames, of which some have these names; needs no lock."""
+        return Frames(
+            names, {child: parent for child, parent in self.newest_edges() if parent},
+            tuple(self._earlier), self._parents,
+            lambda child: tuple(self._refusals.get(child, {}).values()), self.missing_part,
+            self.takes_ns, self.needs_listener)
+
+    def _parents(self, child: str) -> list[Parent]:
+        """Return the parent of a frame, and before it those with which it alternates."""
+        history = self.histories.get(child)
+        if history is None or (newest := history.parent_at(0)) is None:
+            return []
+        parents = [*(history.parents or ())]
+        # A frame that is moved into another one once, as by a gripper, has one parent.
+        is_moved = not history.is_static and sum(map(ne, parents, parents[1:])) < 2
+        found = {each: Parent(each, '', 0, False) for each in parents if not is_moved}
+        found.update((name, each) for name, each in tuple(self._earlier.get(child, {}).items())
+                     if each.is_static or not is_moved)
+        found.pop(newest, None)
+        return [*found.values(),
+                Parent(newest, history.authority, history.latest, history.is_static)]
 
     def remove(self, name: str) -> None:
         """Drop the samples of a frame; its name stays if it is the parent of another one."""
@@ -89,7 +147,7 @@ class FrameTree:
 
     def newest_edges(self) -> list[tuple[str, Optional[str]]]:
         """Return the frames that have had a parent, each with the newest (None: cleared)."""
-        return [(name, history.parent_at(0)) for name, history in self.histories.items()
+        return [(name, history.parent_at(0)) for name, history in [*self.histories.items()]
                 if history is not None]
 
     def all_ancestors(self, frame: str) -> set[str]:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any, TypeVar
 
+from puretf._causes.facts import Waited
 from puretf._core.engine import Engine
-from puretf._core.hints import Waited
 from puretf._core.wake import Wake
 from puretf.exceptions import TransformException
 

@@ -17,7 +17,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
 
-from puretf._core.hints import Waited
+from puretf._causes.facts import Waited
 from puretf._core.wake import Wake
 from puretf._ros.rclpy_private import is_of_executor
 from puretf.exceptions import TimeoutException, TransformException

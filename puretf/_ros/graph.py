@@ -1,4 +1,4 @@
-"""What hints may use of the clock and the ROS graph of a node."""
+"""What the texts of errors use of the clock and the ROS graph of a node."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from puretf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
+from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._ros.domains import other_domains
 from puretf._ros.rclpy_private import GID_SIZE
 from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
@@ -28,6 +28,8 @@ UNKNOWN = 'unknown publisher'
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: By node: the child frames that its broadcasters of dynamic transforms have sent.
 broadcast: WeakKeyDictionary[Node, set[str]] = WeakKeyDictionary()
+#: The name of the type JointState, and the largest number of its topics.
+JOINT_STATE, _MOST_JOINT_TOPICS = 'sensor_msgs/msg/JointState', 20
 #: The settings with which ROS does not look for other machines.
 _HIDE_OTHERS = (('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'),
                 ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF'), ('ROS_LOCALHOST_ONLY', '1'))
@@ -51,7 +53,7 @@ def nodes_on(node: Node, topic: str) -> list[str]:
 
 def surroundings(
         node: Node, subscriptions: Sequence[Subscription], has_data: bool, has_dynamic: bool,
-        elsewhere: Callable[[Callable[[Elsewhere], bool]], Optional[Elsewhere]]) -> Surroundings:
+        listen: Callable[[], Sequence[Heard]]) -> Surroundings:
     """
     Return the surroundings of a listener.
 
@@ -66,17 +68,23 @@ def surroundings(
         for each in subscriptions for info in node.get_publishers_info_by_topic(each.topic_name)]
     clock, durability = node.get_clock(), subscriptions[0].qos_profile.durability
     domain = node.context.get_domain_id()
-    joint_states = topics[0].rpartition('/')[0] + '/joint_states'
+    clock_nodes = nodes_on(node, '/clock')
+    joint_topics = [topic for topic, types in node.get_topic_names_and_types()
+                    if JOINT_STATE in types][:_MOST_JOINT_TOPICS]
+    joint_states = {topic: nodes for topic in joint_topics if (nodes := nodes_on(node, topic))}
+    unread = [*(topic for topic in joint_topics if topic not in joint_states),
+              *['/clock'] * (not clock_nodes)]
     return Surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
-        nodes_on(node, '/clock'), topics, publishers,
+        clock_nodes, topics, publishers,
         is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
         is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
             each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
         other_topics=[*dict.fromkeys(
             topic.removesuffix('_static') for topic in other_topics(node, topics))],
-        elsewhere=elsewhere,
-        joint_states=joint_states if node.count_publishers(joint_states) else '',
+        listen=listen, waits_for={
+            node_of(info): topic for topic in unread
+            for info in node.get_subscriptions_info_by_topic(topic)}, joint_states=joint_states,
         domain=domain, other_domains=partial(other_domains, domain),
         hides_others=next((f'{name}={value}' for name, value in os.environ.items()
                            if (name, value.upper()) in _HIDE_OTHERS), ''),
@@ -114,20 +122,20 @@ def blocked_nodes(node: Node) -> dict[str, Blocked]:
                 not isinstance(node.executor, (SingleThreadedExecutor, MultiThreadedExecutor))
                 or _is_spinning(node.executor)):
             return {}
-        why = 'cannot while nothing spins it: spin it in a thread.'
+        why, remedy = 'cannot while nothing spins it', 'Spin it in a thread.'
     elif isinstance(executor, SingleThreadedExecutor):
         nodes = executor.get_nodes()
-        why = ('cannot while this lookup blocks its executor: await lookup_transform_async '
-               'instead, in a callback group of its own.')
+        why, remedy = 'cannot while this lookup blocks its executor', (
+            'Await lookup_transform_async instead, in a callback group of its own.')
     else:
         group = next((frame.f_locals['entity'].callback_group for frame in callers
                       if 'entity' in frame.f_locals), None)
         if isinstance(group, ReentrantCallbackGroup) or {
                 timer.callback_group for timer in node.timers} != {group}:
             return {}
-        why = ('cannot while this lookup keeps its callback group busy: put the callback that '
-               'looks up into a group of its own.')
-    return {each.get_fully_qualified_name(): Blocked(why, broadcast.get(each, ()))
+        why, remedy = 'cannot while this lookup keeps its callback group busy', (
+            'Put the callback that looks up into a group of its own.')
+    return {each.get_fully_qualified_name(): Blocked(why, remedy, broadcast.get(each, ()))
             for each in nodes}
 
 

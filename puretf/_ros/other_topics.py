@@ -1,28 +1,28 @@
-"""Transforms on topics to which a listener does not listen, as when half a robot is namespaced."""
+"""What publishers of transforms send, on all topics, also those of no listener."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from threading import Lock
 from time import monotonic, sleep
-from typing import Optional
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from puretf._causes.facts import Heard
 from puretf._core.frames import is_too_long
-from puretf._core.hints import Elsewhere
-from puretf._ros.graph import nodes_on, other_topics, UNKNOWN
+from puretf._ros.graph import gid_of, node_of, other_topics, UNKNOWN
 from puretf._ros.messages import TFMessage
-from puretf._ros.rclpy_private import subscribe, take_bytes
+from puretf._ros.rclpy_private import subscribe, taker
 from puretf._text.names import TF_MESSAGE
 from puretf._wire import cdr
 
-#: How long `OtherTopics` listens, the time until it listens again, and between two looks (s).
+#: How long `Ear` listens, the time until it listens again, and between two looks (s).
 _DURATION, _PAUSE, _POLL_INTERVAL = 0.5, 5.0, 0.01
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 0.5
-#: The largest number of topics, and of frames of each.
+#: The largest number of topics, and of frames of each publisher.
 _MOST_TOPICS, _MOST_FRAMES = 20, 10_000
 #: How many messages of a topic are read at most in each `poll`.
 _DEPTH = 20
@@ -45,18 +45,19 @@ class TransformSampler:
     def __init__(self, node: Node, own: Sequence[str]) -> None:
         self._node, self._own, self._next_scan = node, own, 0.0
         #: By topic, and whether latched messages of the past are wanted.
-        self._subscriptions: dict[tuple[str, bool], Subscription] = {}
-        self._parents: dict[str, dict[str, str]] = {}
-        self._unmapped: Optional[Node] = None
+        self._subscriptions: dict[tuple[str, bool], tuple[Subscription, Any]] = {}
+        #: By topic, then by publisher: the parents.
+        self._parents: dict[str, dict[str, dict[str, str]]] = {}
+        self._unmapped: list[Node] = []
 
     def poll(self) -> None:
         """Read what has arrived, and twice a second search for topics."""
         if monotonic() >= self._next_scan:
             self._next_scan = monotonic() + _SCAN_INTERVAL
             self._scan()
-        for (topic, _), subscription in self._subscriptions.items():
-            parents = self._parents[topic]
-            for data, _ in take_bytes(subscription.handle, _DEPTH):
+        for (topic, _), (_, source) in self._subscriptions.items():
+            for data, gid in source.take(_DEPTH):
+                parents = self._parents[topic].setdefault(gid if source.has_gids else '', {})
                 with suppress(cdr.MalformedMessage):
                     for row in cdr.unpack(data):
                         parent, child = (name.removeprefix('/')
@@ -67,24 +68,46 @@ class TransformSampler:
 
     def topics(self) -> list[TopicFrames]:
         """Return the topics on which transforms have arrived."""
-        return [(topic, parents, nodes_on(self._node_for(topic), topic))
-                for topic, parents in self._parents.items() if parents]
+        return [(topic, parents, sorted({*self._nodes(topic).values()}))
+                for topic, by_gid in self._parents.items()
+                if (parents := {child: parent for each in by_gid.values()
+                                for child, parent in each.items()})]
+
+    def heard(self) -> list[Heard]:
+        """Return what each publisher has sent."""
+        found = []
+        for topic, by_gid in self._parents.items():
+            nodes = self._nodes(topic) if by_gid else {}
+            found += [Heard(topic, gid, [nodes[gid]] if gid in nodes else sorted(
+                {*nodes.values()}), parents) for gid, parents in by_gid.items()]
+        return found
+
+    def is_complete(self) -> bool:
+        """Return whether each publisher has sent something, and its node is known."""
+        return all(name != UNKNOWN and gid in by_gid for topic, by_gid in self._parents.items()
+                   for gid, name in self._nodes(topic).items())
 
     def close(self) -> None:
-        for subscription in self._subscriptions.values():
+        for subscription, _ in self._subscriptions.values():
             subscription.destroy()
-        if self._unmapped:
-            self._unmapped.destroy_node()
+        for node in self._unmapped:
+            node.destroy_node()
+
+    def _nodes(self, topic: str) -> dict[str, str]:
+        """Return by gid the full names of the nodes that publish transforms on a topic."""
+        return {gid_of(info): node_of(info)
+                for info in self._node_for(topic).get_publishers_info_by_topic(topic)
+                if info.topic_type == TF_MESSAGE}
 
     def _node_for(self, topic: str) -> Node:
         """Return a node that does not remap a topic, as `--namespace` does with /tf."""
         if self._node.resolve_topic_name(topic) == topic:
             return self._node
-        if self._unmapped is None:
-            self._unmapped = Node(
+        if not self._unmapped:
+            self._unmapped.append(Node(
                 '_tf_other_topics', context=self._node.context, use_global_arguments=False,
-                start_parameter_services=False, enable_rosout=False)
-        return self._unmapped
+                start_parameter_services=False, enable_rosout=False))
+        return self._unmapped[0]
 
     def _scan(self) -> None:
         for topic in other_topics(self._node, self._own):
@@ -98,45 +121,37 @@ class TransformSampler:
                     _LATCHED.reliability, _LATCHED.durability) for qos in offered}:
                 if (topic, is_latched) not in self._subscriptions:
                     self._parents.setdefault(topic, {})
-                    self._subscriptions[topic, is_latched] = subscribe(
+                    subscription = subscribe(
                         node, TFMessage, topic, lambda _: None,
                         _LATCHED if is_latched else _OTHER, node.default_callback_group)
+                    self._subscriptions[topic, is_latched] = subscription, taker(
+                        subscription.handle, lambda data, gid, _: (data, gid))
 
 
-class OtherTopics:
-    """The edges on other topics; a look may take half a second, once in five seconds."""
+class Ear:
+    """Listens to all topics of transforms for half a second at most, once in five seconds."""
 
-    def __init__(self, node: Node, own: Sequence[str]) -> None:
-        self._node, self._own = node, own
-        self._found: list[TopicFrames] = []
+    def __init__(self, node: Node) -> None:
+        self._node, self._heard = node, tuple[Heard, ...]()
         self._next, self._lock = 0.0, Lock()
 
-    def find(self, is_wanted: Callable[[Elsewhere], bool]) -> Optional[Elsewhere]:
-        """Return the first edge that is wanted; None if none is found in time."""
+    def listen(self) -> Sequence[Heard]:
+        """Return what was heard last."""
         if monotonic() >= self._next and self._lock.acquire(blocking=False):
             try:
                 with suppress(Exception):  # the node is destroyed, or ROS shut down
-                    self._look(is_wanted)
+                    self._listen()
             finally:
                 self._next = monotonic() + _PAUSE
                 self._lock.release()
-        return self._first(is_wanted)
+        return self._heard
 
-    def _look(self, is_wanted: Callable[[Elsewhere], bool]) -> None:
-        with closing(TransformSampler(self._node, self._own)) as sampler:
+    def _listen(self) -> None:
+        with closing(TransformSampler(self._node, ())) as sampler:
             deadline = monotonic() + _DURATION
             while monotonic() < deadline:
                 sampler.poll()
-                self._found = sampler.topics()
-                if (edge := self._first(is_wanted)) and UNKNOWN not in edge.nodes:
-                    return
+                if sampler.is_complete():
+                    break
                 sleep(_POLL_INTERVAL)
-
-    def _first(self, is_wanted: Callable[[Elsewhere], bool]) -> Optional[Elsewhere]:
-        edges = (Elsewhere(parent, child, topic, nodes) for topic, parents, nodes in self._found
-                 for child, parent in parents.items())
-        if edge := next(filter(is_wanted, edges), None):
-            return edge._replace(siblings={
-                child for topic, parents, _ in self._found
-                if topic.removesuffix('_static') == edge.base for child in parents})
-        return None
+            self._heard = *sampler.heard(),

@@ -140,6 +140,23 @@ _DIFFERENCES: dict[str, Callable[[str], str]] = {
     'case, blanks or signs': lambda name: _spelling(name).plain}
 
 
+#: The frames of REP 105: a prefix of such a name may lack the slash.
+_REP_105 = 'earth', 'map', 'odom', 'base_link', 'base_footprint'
+
+
+def has_prefix(name: str, other: str) -> bool:
+    """
+    Return whether a name is another one with a namespace, or with a prefix or suffix of REP 105's.
+
+    >>> has_prefix('robot1/tool', 'tool'), has_prefix('odom_combined', 'odom')
+    (True, True)
+    >>> has_prefix('left_wheel', 'wheel'), has_prefix('tool', 'tool')
+    (False, False)
+    """
+    return name.endswith(f'/{other}') or (name != other and other in _REP_105 and (
+        name.endswith(other) or name.startswith(f'{other}_')))
+
+
 def may_be_one_robot(topic: str, other: str) -> bool:
     """
     Return whether one topic is in the namespace of the other, or one namespace is misspelt.

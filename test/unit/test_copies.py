@@ -66,7 +66,7 @@ def about(buffer):
 @given(buffers())
 def test_a_copy_is_as_the_original(buffer):
     """All lookups, the texts of their errors, the frames and the dump are the same."""
-    engine_of(buffer).tree.advice = ' A part of the bag is missing.'  # as of an incomplete bag
+    engine_of(buffer).tree.missing_part = 'A part is missing', 'Read it.'  # as of a bag
     other = TransformBuffer.copy_of(buffer)
     assert answers(other, str, TIMES) == answers(buffer, str, TIMES)
     assert (*about(other), other.dump()) == (*about(buffer), buffer.dump())
@@ -74,7 +74,7 @@ def test_a_copy_is_as_the_original(buffer):
 
 @given(buffers())
 def test_a_loaded_buffer_is_as_the_original(buffer):
-    """The hints of errors may differ, since limits and refused transforms are not dumped."""
+    """What explains errors may differ, since limits and refused transforms are not dumped."""
     other = reloaded(buffer)
     assert answers(other, tf2_words, TIMES) == answers(buffer, tf2_words, TIMES)
     frames, *texts = about(other)

@@ -80,7 +80,7 @@ def test_a_later_part_that_rosbag_has_split():
         buffer.lookup_transform('map', 'laser')
     assert str(error.value).endswith(
         f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is without the first part of "
-        f'its recording, which usually has all static transforms: read {SPLIT}/robot_0.bag, too. '
+        f'its recording, which usually has all static transforms. Read {SPLIT}/robot_0.bag, too. '
         'More: tf_doctor --explain split_bag')
 
 

@@ -74,9 +74,9 @@ def test_two_trees_because_of_a_slip(name, other, what, ends):
     target, source = ends
     text = error_of_two_trees(
         ('top', name), (other, 'arm'), ('arm', 'tip'), target=target, source=source)
-    remedy = 'if they are one frame, use one name' if what == 'a letter' else 'use one name'
+    remedy = 'If they are one frame, use one name' if what == 'a letter' else 'Use one name'
     assert f'{name!r} in the one tree and {other!r} in the other differ by {what}' in text
-    assert f': {remedy}. More: ' in text
+    assert f'. {remedy}. More: ' in text
 
 
 @pytest.mark.parametrize('edges', [

@@ -8,8 +8,8 @@ import pytest
 from recorded import observed, S, T, tf
 
 from puretf import SECTION_NAMES, TransformBuffer, TransformException
+from puretf._causes.facts import Blocked, Publisher, Surroundings
 from puretf._core.engine import engine_of
-from puretf._core.hints import Blocked, Publisher, Surroundings
 from puretf_tools.commands.tf_doctor import main
 from puretf_tools.doctor import examine
 from puretf_tools.doctor.checks import CHECKS
@@ -31,7 +31,7 @@ def error_of(source='base', time=0, stamps=range(0, 20), timeout=0, **surroundin
         buffer.insert(T + second * S, 'map', 'base', STILL)
     buffer.insert(0, 'world', 'lamp', STILL, is_static=True)
     engine_of(buffer).look = lambda: Surroundings(**surroundings)
-    engine_of(buffer).find_blocked = lambda: {'/me': Blocked('cannot.', {'base'})}
+    engine_of(buffer).find_blocked = lambda: {'/me': Blocked('cannot', 'Spin it.', {'base'})}
     if not stamps:
         buffer.insert(T, 'map', 'base', STILL)
         buffer.clear()
@@ -79,7 +79,8 @@ PROVOKED = {
     'Messages are earlier than all data in the cache': (
         lambda _: report(messages=[(15_000 + i, i) for i in range(99)]), 'error message_too_old'),
     'use_sim_time and the wall clock': (
-        lambda _: error_of(time=-T // S + 5, topics=('/tf_static', '/tf')), 'different clocks'),
+        lambda _: error_of(time=57, now=T + 20 * S, topics=('/tf_static', '/tf'), publishers=[
+            Publisher('/arm', '/tf', TF, 'ab')]), 'TAI is 37 s ahead of UTC'),
     'The QoS of /tf_static': (
         lambda _: error_of('lidar', topics=('/tf_static', '/tf'), publishers=[
             Publisher('/lidar', '/tf_static', TF, 'ab', 'transient local')]),

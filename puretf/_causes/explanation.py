@@ -1,0 +1,182 @@
+"""What follows tf2's words in the text of an error: facts, causes with remedies, where to read."""
+
+from collections.abc import Sequence
+import re
+
+from puretf._causes.facts import (
+    CLEARED,
+    Edge,
+    Facts,
+    FUTURE,
+    Look,
+    MISSING,
+    ONE_TIME,
+    OTHER_CLOCK,
+    PAST,
+    RECENT,
+    SILENCE,
+    Surroundings,
+    UNCONNECTED,
+)
+from puretf._causes.lookups import arrives, data_offset, RULES
+from puretf._causes.rules import Cause, causes
+from puretf._text.names import comma_list, MAX_TOPICS, quoted, see, shortened
+from puretf._text.similar_names import suggest_names
+from puretf._text.times import exact_time, SECOND
+
+#: The largest number of causes in a text, and of words in it.
+_MOST_CAUSES, _MOST_WORDS = 2, 60
+#: The sections that follow if no cause is known.
+_SECTIONS = {MISSING: 'A frame does not exist', SILENCE: 'A frame does not exist',
+             UNCONNECTED: 'Two unconnected trees', PAST: 'Extrapolation into the past',
+             FUTURE: 'Extrapolation into the future', ONE_TIME: 'Only one time is in the buffer',
+             CLEARED: 'A jump back in time'}
+
+
+def explain(facts: Facts) -> tuple[str, tuple[str, ...]]:
+    """Return the text, and the codes of the causes that it names."""
+    text, found = _known(facts), list[Cause]()
+    for cause in causes(RULES.values(), facts, facts.symptom)[:_MOST_CAUSES]:
+        longer = f'{text} {cause_text(cause)}'.strip()
+        if found and len(longer.split()) + 4 > _MOST_WORDS:
+            break
+        text, found = longer, [*found, cause]
+    if not found:
+        text += _of_time(facts)
+    codes = tuple(cause.code for cause in found)
+    section = next((cause.section for cause in found), _SECTIONS[_section_of(facts)])
+    return text + _more(facts, section, bool(found)), codes
+
+
+def cause_text(cause: Cause) -> str:
+    """Return the evidence and the remedy as sentences."""
+    return f'{cause.evidence}.{f" {cause.remedy}" if cause.remedy else ""}'
+
+
+def _more(facts: Facts, section: str, is_known: bool) -> str:
+    names = facts.names if facts.symptom != MISSING else ()
+    if is_known or not facts.around.topics or len(names) != 2 or not all(
+            re.fullmatch(r'[\w./-]+', name) for name in names):
+        return see(section)
+    return f'{see(section)}; tf_doctor {" ".join(names)}'
+
+
+def _section_of(facts: Facts) -> str:
+    edge = facts.edge
+    return ONE_TIME if edge and edge.oldest == edge.latest and not edge.has_dropped else (
+        facts.symptom)
+
+
+def _known(facts: Facts) -> str:
+    """Return the facts in one or two sentences."""
+    around = facts.around
+    if facts.symptom in (MISSING, SILENCE):
+        known = tuple(facts.buffer.names)
+        names = ('' if facts.symptom == SILENCE else 'The buffer is empty.'
+                 if not (known or around.topics) else suggest_names(facts.names[0], known))
+        if around.has_data or not around.topics:
+            return names
+        nodes = sorted({each.node for each in around.publishers or ()})
+        return f'{names} ' * bool(names) + (
+            'The listener has just started; discovery can take some seconds.' if around.is_new else
+            f'Nothing has arrived yet from {comma_list(nodes, MAX_TOPICS, shortened)}.') if (
+                around.is_new or nodes) else names
+    if facts.symptom == UNCONNECTED:
+        (target, source), (target_root, source_root) = map(quoted, facts.names), map(
+            quoted, facts.roots)
+        return (f'{target} is in the tree with root {target_root}, {source} in the tree with root '
+                f'{source_root}.')
+    edge = facts.edge
+    if edge is None:
+        return (f'No transform of {quoted(facts.names[0])} has been received since the buffer was '
+                'cleared, or mended after an interrupted insertion.')
+    span = (f'are from {exact_time(edge.oldest)} to {exact_time(edge.latest)}'
+            if edge.oldest != edge.latest else f'are all at {exact_time(edge.latest)}')
+    where = (f' and end {exact_time(facts.time - edge.latest)} s before that time'
+             if facts.time > edge.latest else
+             f' and begin {exact_time(edge.oldest - facts.time)} s after that time'
+             if facts.time < edge.oldest else '')
+    return (f'The data of edge {quoted(edge.parent)} -> {quoted(edge.child)} {span}{where}.'
+            f'{_arrivals(facts, edge) if around.topics and not edge.refused else ""}')
+
+
+def _arrivals(facts: Facts, edge: Edge) -> str:
+    """Say when and from whom the last transform has come, if it is not the usual way."""
+    around = facts.around
+    if not arrives(facts):
+        node = around.node_of(edge.authority)
+        nodes = around.nodes(around.topics[-1])
+        who = (f' from {shortened(node)}' if node else '') or (
+            f'; on {around.topics[-1]} now: {comma_list(nodes, MAX_TOPICS, shortened)}'
+            if nodes else f'; nothing publishes on {around.topics[-1]} now')
+        return f' The last one arrived {edge.silence / SECOND:.1f} s ago{who}.'
+    text = ''
+    if around.now and abs(offset := data_offset(facts)) > RECENT:
+        text = (f' Data arrive {abs(offset) / SECOND:.1f} s '
+                f'{"ahead of" if offset > 0 else "behind"} the clock of this node.')
+    return text
+
+
+def _of_time(facts: Facts) -> str:
+    """Say more of an early time, if no cause is known."""
+    now, edge = facts.around.now, facts.edge
+    if facts.symptom != PAST or not edge:
+        return ''
+    return (f' That time is {(now - facts.time) / SECOND:.1f} s behind the clock of this node.'
+            if now and now - facts.time > OTHER_CLOCK else
+            '' if edge.has_dropped else ' No earlier transform was received.')
+
+
+# The ends of log lines
+
+
+def publisher_end(look: Look, authority: str, is_static: bool) -> str:
+    """Name the publisher of a transform, or all of its topic; '' if none is known."""
+    publisher = _publisher(look(), authority, is_static)
+    return f'.{publisher}' if publisher else ''
+
+
+def old_data_end(look: Look, authority: str) -> str:
+    return f'{_publisher(look(), authority, False)}{see("TF_OLD_DATA")}'
+
+
+def _publisher(around: Surroundings, authority: str, is_static: bool) -> str:
+    if node := around.node_of(authority):
+        return f' Publisher: {shortened(node)}.'
+    if not around.topics:
+        return ''
+    topic = around.topics[0 if is_static else -1]
+    nodes = around.nodes(topic)
+    return f' Publishers on {topic}: {comma_list(nodes, MAX_TOPICS, shortened)}.' if nodes else ''
+
+
+def clock_publishers(nodes: Sequence[str]) -> str:
+    """Name the publishers of /clock; several make the time jump."""
+    if len(nodes) == 1 and nodes[0]:
+        return f' Publisher of /clock: {shortened(nodes[0])}.'
+    facts = Facts(CLEARED, Surroundings(clock_nodes=nodes, is_simulated=True))
+    return ''.join(f' {cause_text(cause)}' for cause in causes(
+        [RULES['two_clocks']], facts, CLEARED))
+
+
+# Without a lookup
+
+
+#: Why transforms may not arrive on the topics of a listener.
+_OF_TOPICS = ('wrong_type', 'volatile_listener', 'static_not_latched', 'incompatible_qos',
+              'other_namespace')
+
+
+def why_not_received(around: Surroundings, *codes: str, has_section: bool = True) -> str:
+    """Return why transforms may not arrive, of some causes; '' if there is no sign of one."""
+    found = causes([RULES[code] for code in codes or _OF_TOPICS], Facts(SILENCE, around), SILENCE)
+    if not found:
+        return ''
+    texts = ' '.join(cause_text(each) for each in found[:_MOST_CAUSES])
+    return texts + see(found[0].section) * has_section
+
+
+def explain_silence(around: Surroundings) -> str:
+    """Return why nothing has been received; '' if something has."""
+    return why_not_received(around) or (
+        '' if around.has_data or not around.topics else explain(Facts(SILENCE, around))[0])

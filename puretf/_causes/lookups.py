@@ -1,0 +1,574 @@
+"""The rules that the error of a lookup can reach; the most certain ones come first."""
+
+from collections.abc import Iterator, Sequence
+from math import ceil
+from typing import Optional
+
+from puretf._causes.clocks import known_offset, SINCE_START
+from puretf._causes.facts import (
+    CLEARED,
+    Facts,
+    FUTURE,
+    Heard,
+    MISSING,
+    ONE_TIME,
+    OTHER_CLOCK,
+    PAST,
+    RECENT,
+    SILENCE,
+    UNCONNECTED,
+)
+from puretf._causes.rules import Evidence, registry, Rule
+from puretf._text.names import comma_list, MAX_TOPICS, quoted, shortened, TF_MESSAGE
+from puretf._text.similar_names import difference, has_prefix, is_slip, may_be_one_robot
+from puretf._text.times import exact_time, SECOND
+
+#: The rules, by their codes.
+RULES: dict[str, Rule] = {}
+_rule = registry(RULES)
+_NOT_THERE = MISSING, UNCONNECTED
+_NO_DATA = MISSING, UNCONNECTED, SILENCE
+_TIMES = PAST, FUTURE, ONE_TIME
+#: No cache time that is longer than this (ns) is proposed.
+_LONGEST_CACHE = 600 * SECOND
+#: The largest number of names that are compared with the root of another tree.
+_MAX_COMPARED = 5000
+
+
+def _listed(nodes: Sequence[str]) -> str:
+    return comma_list(nodes, MAX_TOPICS, shortened)
+
+
+def _have(nodes: list[str]) -> str:
+    return 'have' if len(nodes) > 1 else 'has'
+
+
+# In this process
+
+
+@_rule('time_is_duration', 'Pass a Duration as timeout=.', 'Other faults',
+       symptoms=(MISSING, UNCONNECTED, *_TIMES), is_on_wire=False)
+def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
+    if facts.is_duration:
+        yield Evidence('The time is a Duration')
+
+
+@_rule('time_in_seconds', 'Pass times in ns.', 'Extrapolation into the past', symptoms=(PAST,),
+       is_on_wire=False)
+def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
+    edge = facts.edge
+    if edge and facts.buffer.takes_ns and edge.oldest <= facts.time * SECOND <= edge.latest:
+        yield Evidence(f'{facts.time} s is within the data, {facts.time} ns is not')
+
+
+@_rule('no_listener', 'Create a TransformListener with this buffer.', 'A frame does not exist',
+       symptoms=(MISSING,), is_on_wire=False)
+def _no_listener(facts: Facts) -> Iterator[Evidence]:
+    if facts.buffer.needs_listener and not facts.around.topics and not facts.buffer.names:
+        yield Evidence('No TransformListener fills this buffer')
+
+
+@_rule('executor_blocked', '{remedy}', 'A lookup that waits for its own node',
+       symptoms=(FUTURE, *_NOT_THERE), needs=('publishers',), is_on_wire=False)
+def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
+    around, waited, edge = facts.around, facts.waited, facts.edge
+    if waited is None:
+        return
+    if edge is None:
+        nodes = {each.node for each in around.publishers or () if each.type == TF_MESSAGE}
+        if nodes and waited.blocked.keys() >= nodes and not facts.has_near_name:
+            node = min(nodes)
+            what = (f'send {quoted(facts.names[0])}' if facts.symptom == MISSING else
+                    'connect them')
+            yield Evidence(
+                f'Only {_who(facts, node)} publishes on {around.topics[-1]}; if it is to {what}, '
+                f'it {waited.blocked[node].why}', waited.blocked[node]._asdict())
+    elif edge.silence >= waited.seconds * SECOND:
+        of_edge = around.node_of(edge.authority)
+        for node, blocked in waited.blocked.items():
+            if node == of_edge or (not of_edge and edge.child in blocked.children):
+                who = _who(facts, node)
+                yield Evidence(f'{who[0].upper()}{who[1:]} publishes it, and {blocked.why}',
+                               blocked._asdict())
+                return
+
+
+def _who(facts: Facts, node: str) -> str:
+    return 'this node' if node == facts.around.node else shortened(node)
+
+
+# Names and parents
+
+
+@_rule('missing_part', '{remedy}', 'No static transforms from a bag', symptoms=_NOT_THERE)
+def _missing_part(facts: Facts) -> Iterator[Evidence]:
+    text, remedy = facts.buffer.missing_part
+    if text:
+        yield Evidence(text, {'remedy': remedy})
+
+
+@_rule('similar_name', '{remedy}', 'Two unconnected trees',
+       symptoms=(UNCONNECTED,))
+def _similar_name(facts: Facts) -> Iterator[Evidence]:
+    for root, other in _pairs(facts):
+        for name in facts.buffer.names[:_MAX_COMPARED]:
+            if is_slip(root, name) and facts.buffer.chain(name)[-1] == other:
+                how = difference(name, root)
+                yield Evidence(
+                    f'{quoted(name)} in the one tree and {quoted(root)} in the other differ by '
+                    f'{how}', {'remedy': 'If they are one frame, use one name.'
+                               if how == 'a letter' else 'Use one name.'})
+                return
+
+
+def _pairs(facts: Facts) -> list[tuple[str, str]]:
+    """Return the roots of the two trees, in both orders."""
+    target, source = facts.roots
+    return [(source, target), (target, source)]
+
+
+@_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
+       'Two unconnected trees', symptoms=(UNCONNECTED,))
+def _part_prefix(facts: Facts) -> Iterator[Evidence]:
+    roots = {name: facts.buffer.chain(name)[-1]
+             for name in facts.buffer.names[:_MAX_COMPARED]}
+    trees: dict[str, list[str]] = {}
+    for name, root in roots.items():
+        trees.setdefault(root, []).append(name)
+    # The trees of the lookup, and those between them.
+    for root in facts.roots:
+        for other, names in trees.items():
+            if other != root and (found := part_prefix(trees.get(root, ()), names)):
+                yield Evidence(f'{quoted(found[0])} and {quoted(found[1])} may be one frame: only '
+                               'a part of the frames has the prefix')
+                return
+
+
+def part_prefix(tree: Sequence[str], other: Sequence[str]) -> Optional[tuple[str, str]]:
+    """
+    Return two names that may be one frame, which only some nodes give a prefix.
+
+    They are the only ones in the two trees that differ by a prefix: two robots have more.
+    """
+    pairs = [(a, b) for a in tree for b in other
+             if has_prefix(a, b) or has_prefix(b, a)]
+    return pairs[0] if len(pairs) == 1 else None
+
+
+@_rule('changing_parent', 'Let only one parent be published for {frame}.',
+       'A frame jumps or flickers', symptoms=(UNCONNECTED, *_TIMES),
+       explains=('similar_name', 'part_prefix', 'gap', 'one_shot'))
+def _changing_parent(facts: Facts) -> Iterator[Evidence]:
+    for frame in facts.buffer.changed:
+        parents = facts.buffer.parents(frame)
+        roots = {facts.buffer.chain(each.name)[-1] for each in parents}
+        if len(parents) > 1 and (frame == facts.edge.child if facts.edge else
+                                 roots.issuperset(facts.roots)):
+            yield Evidence(f'{quoted(frame)} has {len(parents)} parents: ' + ', '.join(
+                f'{quoted(each.name)}{" (static)" * each.is_static}'
+                f'{_by(facts, each.name, frame, each.authority)}' for each in parents[-4:]),
+                {'frame': quoted(frame)})
+            return
+
+
+def _by(facts: Facts, parent: str, child: str, authority: str) -> str:
+    """Return who publishes an edge."""
+    node = facts.around.node_of(authority)
+    nodes = [node] if node else sorted({
+        node for each in facts.heard if each.parents.get(child) == parent
+        and each.topic in facts.around.topics for node in each.nodes})
+    return f' by {comma_list(nodes, 2, shortened)}' if nodes else ''
+
+
+# Transforms that are refused
+
+
+def _of_refusals(code: str, what: str, remedy: str) -> None:
+    @_rule(code, remedy, 'Other faults', symptoms=_NOT_THERE)
+    def find(facts: Facts) -> Iterator[Evidence]:
+        for name in dict.fromkeys((*facts.names, *facts.roots)):
+            for refusal in facts.buffer.refusals(name):
+                if refusal.reason == code:
+                    yield Evidence(
+                        f'{_transforms(refusal.count)} of {quoted(name)}'
+                        f'{_of_node(facts, refusal.authority)} {_was(refusal.count)} refused: '
+                        f'{what}')
+                    return
+
+
+def _transforms(count: int) -> str:
+    return f'{count} transform{"s" * (count != 1)}'
+
+
+def _was(count: int) -> str:
+    return 'was' if count == 1 else 'were'
+
+
+def _of_node(facts: Facts, authority: str) -> str:
+    node = facts.around.node_of(authority) if facts.around.topics else authority
+    return f' from {shortened(node)}' if node not in ('', 'default_authority') else ''
+
+
+for _arguments in (
+        ('not_a_number', 'a number is NaN or infinite',
+         'Find out where the program computes it: often a division by zero, or a missing '
+         'measurement.'),
+        ('unnormalized', 'the quaternion is zero', 'Set w = 1, or the rotation.'),
+        ('loop', 'the frame is its own parent', 'Publish it with another parent.'),
+        ('empty_name', 'the other name is empty', 'Set frame_id and child_frame_id.')):
+    _of_refusals(*_arguments)
+
+
+@_rule('time_goes_back', 'Clear the buffer; if it happens again, stop the node with the later '
+       'clock.', 'TF_OLD_DATA', symptoms=_TIMES, explains=('frozen_stamp', 'one_shot', 'gap'))
+def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
+    edge = facts.edge
+    if edge and edge.refused and (edge.is_refusing if facts.symptom == FUTURE else
+                                  facts.time <= edge.refused_stamp + RECENT):
+        yield Evidence(
+            f'{_transforms(edge.refused)} of {quoted(edge.child)}'
+            f'{_of_node(facts, edge.refused_authority)} {_was(edge.refused)} refused, since one '
+            f'at {exact_time(edge.latest)}{_of_node(facts, edge.authority)} is newer by more than '
+            'the cache time')
+
+
+# What the ROS graph shows
+
+
+@_rule('wrong_type', 'Send transforms with a TransformBroadcaster or a '
+       'StaticTransformBroadcaster.', 'A frame does not exist', symptoms=_NO_DATA,
+       needs=('publishers',))
+def _wrong_type(facts: Facts) -> Iterator[Evidence]:
+    wrong = dict.fromkeys(
+        f'{shortened(each.node)} publishes {shortened(each.type)} on {each.topic}'
+        for each in facts.around.publishers or () if each.type != TF_MESSAGE)
+    if wrong:
+        yield Evidence(f'{comma_list([*wrong], MAX_TOPICS)}, not {TF_MESSAGE}')
+
+
+@_rule('volatile_listener', 'Omit static_qos, or make it transient local.',
+       'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',),
+       explains=('static_not_latched',))
+def _volatile_listener(facts: Facts) -> Iterator[Evidence]:
+    if facts.around.is_volatile:
+        yield Evidence(f'This listener of {facts.around.topics[0]} is not transient local, so it '
+                       'misses what was sent before its start')
+
+
+def _of_qos(code: str, lack: str, remedy: str) -> None:
+    @_rule(code, remedy, 'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',))
+    def find(facts: Facts) -> Iterator[Evidence]:
+        nodes: dict[str, set[str]] = {}
+        for each in facts.around.publishers or ():
+            if each.type == TF_MESSAGE and each.lacks == lack:
+                nodes.setdefault(each.topic, set()).add(each.node)
+        for topic, names in nodes.items():
+            yield Evidence(f'Nothing arrives on {topic} from {_listed(sorted(names))}, whose '
+                           f'publisher is not {lack}')
+
+
+_of_qos('static_not_latched', 'transient local', 'Send with a StaticTransformBroadcaster.')
+_of_qos('incompatible_qos', 'reliable', 'Send with a TransformBroadcaster, or pass a best-effort '
+        'qos to the TransformListener.')
+
+
+@_rule('other_namespace', 'To listen to {topic}, pass {options}.',
+       'A leading slash, or a namespace', symptoms=_NO_DATA, needs=('listener',),
+       explains=('no_transforms',))
+def _other_namespace(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    if around.is_fed or not around.other_topics or len(around.topics) == 1:
+        return
+    first = shortened(around.other_topics[0])
+    yield Evidence(f'No transform has arrived on {around.topics[-1]}, but transforms are '
+                   f'published on {_listed(around.other_topics)}',
+                   {'topic': first, 'options': _listening_to(first)})
+
+
+def _listening_to(topic: str) -> str:
+    namespace, _, name = topic.rpartition('/')
+    option = (f'pass --ros-args -r /tf:={topic} -r /tf_static:={topic}_static' if name != 'tf' else
+              f'pass --namespace {namespace[1:]}' if namespace else 'omit --namespace')
+    return (f"tf_topic='{topic}', tf_static_topic='{topic}_static' to the TransformListener; in "
+            f'commands, {option}')
+
+
+@_rule('half_namespace', '{remedy}.', 'Half of a robot is in a namespace', symptoms=_NOT_THERE,
+       needs=('listener',), is_costly=True, explains=('silent_publisher',))
+def _half_namespace(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    if not around.other_topics:
+        return
+    own, roots = around.topics[-1].removesuffix('_static'), facts.roots
+    known = {*facts.buffer.names} if facts.symptom == MISSING else set()
+    for heard in facts.heard:
+        if heard.topic in around.topics or not may_be_one_robot(own, heard.base):
+            continue
+        for child, parent in heard.parents.items():
+            if not (child in roots or (facts.symptom == MISSING
+                                       and facts.names[0] in (parent, child))):
+                continue
+            if remedy := _half_remedy(facts, heard, parent, child, own, known):
+                yield Evidence(f'{quoted(parent)} -> {quoted(child)} is published on '
+                               f'{shortened(heard.topic)} by {_listed(heard.nodes)}, but this '
+                               f'listener is on {" and ".join(around.topics[::-1])}',
+                               {'remedy': remedy})
+                return
+
+
+def _half_remedy(facts: Facts, heard: Heard, parent: str, child: str, own: str, known: set[str]
+                 ) -> str:
+    around, base = facts.around, shortened(heard.base)
+    if len(around.topics) == 1 and own == heard.base:
+        return 'Use a TransformListener'
+    siblings = {each for other in facts.heard if other.base == heard.base
+                for each in other.parents}
+    # Another robot has frames of the same names.
+    is_another = any(facts.buffer.parents(name) for name in siblings)
+    if is_another and facts.symptom == UNCONNECTED:
+        return ''
+    if is_another or (facts.symptom == MISSING and parent not in known and child not in known):
+        return f'To listen to {base}, pass {_listening_to(base)}'
+    base = shortened(max(own, heard.base, key=lambda topic: topic.count('/')))
+    return (f'Remap both /tf and /tf_static in all nodes of the robot (--ros-args -r /tf:={base} '
+            f'-r /tf_static:={base}_static), or in none of them')
+
+
+@_rule('no_clock', 'Start what publishes /clock, or set use_sim_time to false.',
+       'use_sim_time and the wall clock', symptoms=(*_NO_DATA, *_TIMES, CLEARED),
+       needs=('clock_nodes',), explains=('gap', 'other_clock', 'no_transforms'))
+def _no_clock(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    if around.clock_nodes:
+        return
+    waiting = sorted({each.node for each in around.publishers or ()
+                      if around.waits_for.get(each.node) == '/clock'})
+    if around.is_simulated and around.now == 0:
+        yield Evidence('use_sim_time is set in this node, but nothing publishes /clock')
+    elif facts.symptom in _NO_DATA and waiting:
+        yield Evidence(f'{_listed(waiting)} waits for /clock, which nothing publishes')
+
+
+@_rule('joint_without_state', '{remedy}', 'A frame does not exist', symptoms=_NO_DATA,
+       needs=('publishers',), explains=('no_transforms',))
+def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
+    for each in facts.around.publishers or ():
+        topic = facts.around.waits_for.get(each.node, '/clock')
+        if topic != '/clock':
+            others = [name for name in facts.around.joint_states if name != topic]
+            where = (f'; joint states are on {_listed(others)} of '
+                     f'{_listed(facts.around.joint_states[others[0]])}' if others else '')
+            yield Evidence(
+                f'{shortened(each.node)} waits for {topic}, which nothing publishes{where}',
+                {'remedy': f'Remap one of them: -r {topic}:={shortened(others[0])}.' if others else
+                 f'Start a program that publishes {topic}.'})
+            return
+
+
+@_rule('no_robot_state_publisher', 'Start robot_state_publisher FILE.', 'A frame does not exist',
+       symptoms=(SILENCE, MISSING), needs=('publishers',), explains=('no_transforms',))
+def _no_robot_state_publisher(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    own = f'{around.topics[-1].rpartition("/")[0]}/joint_states' if around.topics else ''
+    if own in around.joint_states and not (
+            around.has_data or around.publishers or around.is_new):
+        yield Evidence(f'{own} has a publisher, but nothing publishes transforms')
+
+
+@_rule('no_transforms', 'Start a program that publishes, with the same ROS_DOMAIN_ID.',
+       'A frame does not exist', symptoms=(SILENCE, MISSING), needs=('publishers',),
+       is_costly=True)
+def _no_transforms(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    if around.has_data or around.publishers or around.is_new:
+        return
+    hidden = f'. {around.hides_others} hides other machines' if around.hides_others else ''
+    others = around.other_domains().strip(' .')
+    yield Evidence(f'0 publishers on {" and ".join(around.topics[::-1])} were found in ROS domain '
+                   f'{around.domain}{f". {others}" if others else ""}{hidden}')
+
+
+@_rule('silent_publisher', '', 'A frame does not exist', symptoms=_NOT_THERE,
+       needs=('publishers',), is_costly=True)
+def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    sent = {each.gid for each in facts.heard}
+    if not around.has_data or not sent or '' in sent or facts.has_near_name:
+        return
+    silent = {each.node: each.topic for each in around.publishers or ()
+              if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node}
+    players = [node for node, topic in silent.items()
+               if 'rosbag2_player' in node and topic.endswith('_static')]
+    if players:
+        yield Evidence(f'{_listed(players)} has sent nothing on {around.topics[0]}: a start '
+                       'offset leaves out the static transforms before it')
+    elif silent:
+        yield Evidence(f'{_listed([*silent])} {_have([*silent])} a publisher on '
+                       f'{", ".join(dict.fromkeys(silent.values()))}, but nothing arrives from it')
+
+
+# Times without data
+
+
+@_rule('two_clocks', 'Stop all but one.', 'Two nodes on /joint_states or /clock',
+       symptoms=(CLEARED, *_TIMES), needs=('clock_nodes',))
+def _two_clocks(facts: Facts) -> Iterator[Evidence]:
+    nodes = facts.around.clock_nodes or ()
+    if facts.around.is_simulated and len(nodes) > 1:
+        yield Evidence(f'{len(nodes)} nodes publish /clock, so that the time jumps between them: '
+                       f'{_listed(nodes)}')
+
+
+@_rule('frozen_stamp', 'Send it again and again with new stamps or, if it does not move, with a '
+       'StaticTransformBroadcaster.', 'Only one time is in the buffer', symptoms=_TIMES,
+       explains=('gap', 'one_shot', 'other_clock', 'too_soon'))
+def _frozen_stamp(facts: Facts) -> Iterator[Evidence]:
+    if facts.edge and facts.edge.is_frozen and not facts.edge.refused:
+        yield Evidence('All that have arrived have this stamp')
+
+
+@_rule('one_shot', 'Send it again and again with new stamps or, if it does not move, with a '
+       'StaticTransformBroadcaster.', 'Only one time is in the buffer', symptoms=_TIMES,
+       needs=('listener',), explains=('gap', 'too_soon'))
+def _one_shot(facts: Facts) -> Iterator[Evidence]:
+    edge = facts.edge
+    if edge and edge.samples == 1 and not edge.has_dropped and not edge.refused and not (
+            arrives(facts)):
+        yield Evidence(f'Only one has arrived, {edge.silence / SECOND:.1f} s ago')
+
+
+def arrives(facts: Facts) -> bool:
+    """Return whether transforms of the edge arrive, as often as before."""
+    edge, around = facts.edge, facts.around
+    return bool(edge and edge.still_arrives and edge.authority not in around.ended
+                and around.nodes(around.topics[-1]))
+
+
+@_rule('use_sim_time_differs', 'Set use_sim_time in all nodes, or in none.',
+       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'clock_nodes'),
+       explains=('other_clock', 'message_other_clock', 'too_soon', 'cache_too_short'))
+def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
+    if facts.around.clock_nodes and (which := _which_is_off(facts)):
+        nodes = facts.around.clock_nodes
+        yield Evidence(f'{which[1]}, and {_listed(nodes)} publish{"es" * (len(nodes) == 1)} '
+                       '/clock')
+
+
+@_rule('message_other_clock', 'Correct the clock that has stamped it.',
+       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'listener'),
+       explains=('too_soon', 'cache_too_short', 'other_clock'))
+def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
+    edge, now = facts.edge, facts.around.now
+    if not edge or not now or not arrives(facts) or _is_data_off(facts):
+        return
+    offset = facts.time - now + round(facts.waited.seconds * SECOND if facts.waited else 0)
+    is_named = known_offset(offset) or facts.time < SINCE_START < now
+    # Nothing can have been measured at a time ahead of the clock.
+    if is_named if offset < 0 else offset > RECENT and facts.time > edge.latest + RECENT:
+        yield Evidence(f'That time is {_apart(offset, facts.time)} the clock of this node, and '
+                       'the data are in time')
+
+
+@_rule('other_clock', 'Synchronise the clocks of the computers.',
+       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'listener'),
+       explains=('too_soon', 'cache_too_short'))
+def _other_clock(facts: Facts) -> Iterator[Evidence]:
+    edge, around = facts.edge, facts.around
+    if edge and around.now and not around.is_simulated and arrives(facts) and (
+            _is_data_off(facts) and abs(facts.time - around.now) <= OTHER_CLOCK):
+        yield Evidence('The data are on another clock than that of this node: '
+                       f'{_apart(data_offset(facts), edge.latest)} it')
+
+
+def _apart(offset: int, stamp: int) -> str:
+    """Return how far a stamp is from a clock, and what such an offset is."""
+    name = known_offset(offset) or (
+        'as of a clock that begins when it is switched on' if 0 <= stamp < SINCE_START else '')
+    return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
+            f'{"ahead of" if offset > 0 else "behind"}')
+
+
+def data_offset(facts: Facts) -> int:
+    """Return the newest stamp at its arrival minus the clock of the node (ns)."""
+    assert facts.edge and facts.around.now
+    return facts.edge.latest + facts.edge.silence - facts.around.now
+
+
+#: Stamps may be so far (ns) ahead of the clock on purpose, or behind since they are computed late.
+_ON_PURPOSE = 5 * SECOND
+
+
+def _is_data_off(facts: Facts) -> bool:
+    return not -OTHER_CLOCK <= data_offset(facts) <= _ON_PURPOSE
+
+
+def _which_is_off(facts: Facts) -> Optional[tuple[bool, str]]:
+    """Return which of time and data is not on the clock of the node, if it is one of them."""
+    edge, now = facts.edge, facts.around.now
+    if not edge or not now or abs(facts.time - edge.latest) <= OTHER_CLOCK:
+        return None
+    clock = f"the {'simulated' if facts.around.is_simulated else 'system'} clock of this node"
+    is_time = abs(facts.time - now) <= OTHER_CLOCK
+    is_data = edge.oldest - OTHER_CLOCK <= now <= edge.latest + edge.silence + OTHER_CLOCK
+    if is_time == is_data:
+        return None
+    return is_time, (f'The requested time is on {clock}, the data are not' if is_time else
+                     f'The data are on {clock}, the requested time is not')
+
+
+@_rule('gap', 'Start {node} again.', 'Extrapolation into the future', symptoms=(FUTURE,),
+       needs=('publishers',), explains=('too_soon',))
+def _gap(facts: Facts) -> Iterator[Evidence]:
+    edge, around = facts.edge, facts.around
+    if edge and not arrives(facts) and edge.authority in around.ended:
+        node = shortened(around.ended[edge.authority])
+        yield Evidence(f'{node}, which has published it, has ended', {'node': node})
+
+
+@_rule('too_soon', '{remedy}, or look up time 0 (Time()) for the latest transform.',
+       'Extrapolation into the future', symptoms=(FUTURE,), needs=('publishers',),
+       is_on_wire=False)
+def _too_soon(facts: Facts) -> Iterator[Evidence]:
+    edge, waited = facts.edge, facts.waited
+    if not edge or not arrives(facts):
+        return
+    ahead = facts.time - edge.latest
+    if ahead > OTHER_CLOCK:
+        return
+    how = (f'Data arrive every {edge.period / SECOND:.1f} s' if edge.period > RECENT else
+           'Data still arrive')
+    yield Evidence(f'{how}, so this transform is on its way', {'remedy': (
+        f'It has not come within {waited.seconds:g} s: pass a longer timeout=' if waited else
+        'Pass timeout= to wait for it' if ahead <= RECENT else
+        f'Pass a timeout= of more than {ahead / SECOND:.1f} s')})
+
+
+@_rule('cache_too_short', '{remedy}',
+       'Extrapolation into the past', symptoms=(PAST,), is_on_wire=False)
+def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
+    edge = facts.edge
+    if not edge or not edge.has_dropped:
+        return
+    age = edge.latest - facts.time
+    if edge.cache_time < age <= _LONGEST_CACHE:
+        remedy = f'pass cache_time={ceil(age / SECOND) + 1} s to the buffer, or look up sooner'
+        yield Evidence(
+            f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
+            {'remedy': f'If that stamp is so old, {remedy}; else correct its clock.'
+             if facts.around.now else f'P{remedy[1:]}.'})
+
+
+@_rule('too_many_samples', 'Pass a larger max_samples to the buffer.',
+       'Extrapolation into the past', symptoms=(PAST,), is_on_wire=False)
+def _too_many_samples(facts: Facts) -> Iterator[Evidence]:
+    edge = facts.edge
+    if edge and edge.has_dropped and edge.latest - facts.time <= edge.cache_time:
+        yield Evidence('Its earlier transforms have been dropped before the cache time was over')
+
+
+@_rule('cleared', 'Pass timeout= to wait for the next one.', 'A jump back in time',
+       symptoms=(CLEARED,), needs=('listener',), is_on_wire=False)
+def _cleared(facts: Facts) -> Iterator[Evidence]:
+    nodes = facts.around.clock_nodes or ()
+    if facts.around.is_simulated and len(nodes) == 1 and any(nodes):
+        yield Evidence(f'{shortened(nodes[0])} publishes /clock')

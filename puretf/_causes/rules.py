@@ -1,0 +1,81 @@
+"""The form of a rule, which finds one cause in facts."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+
+class Evidence(NamedTuple):
+    """What satisfies a rule."""
+
+    text: str  #: what was observed, as a sentence without its period
+    values: Mapping[str, object] = MappingProxyType({})  #: those of the braces in the remedy
+
+
+class Rule(NamedTuple):
+    """A rule: it finds one cause of a symptom, or one kind of fault."""
+
+    code: str  #: the cause, such as 'changing_parent'
+    remedy: str  #: what to do, in one sentence; in braces: values of the evidence
+    section: str  #: the heading in docs/troubleshooting.md
+    #: Returns the evidence for each time that the facts satisfy the rule.
+    find: Callable[[Any], Iterable[Any]]
+    symptoms: Collection[str] = ()  #: the symptoms of a lookup that it explains; see `facts`
+    needs: Collection[str] = ()  #: what must be known
+    explains: Collection[str] = ()  #: the codes of its consequences, which are left out
+    #: True if it listens to topics for a moment, or looks at other processes.
+    is_costly: bool = False
+    #: False if only the process of the lookup can know it, so that tf_doctor cannot.
+    is_on_wire: bool = True
+    severity: str = ''  #: in `tf_doctor`: 'error', 'warning' or 'info'
+    meaning: str = ''  #: in `tf_doctor`: what the fault is
+
+
+class Cause(NamedTuple):
+    """A rule that is satisfied."""
+
+    code: str
+    evidence: str
+    remedy: str
+    section: str
+
+
+def registry(rules: dict[str, Rule]) -> Callable[..., Callable[[Any], Any]]:
+    """Return a decorator that makes a rule of a function and its arguments, and adds it."""
+    def rule(code: str, remedy: str, section: str, **fields: Any
+             ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+        def add(find: Callable[..., Any]) -> Callable[..., Any]:
+            assert code not in rules
+            rules[code] = Rule(code, remedy, section, find, **fields)
+            return find
+
+        return add
+
+    return rule
+
+
+def causes(rules: Iterable[Rule], facts: Any, symptom: str) -> list[Cause]:
+    """
+    Return the causes of a symptom, the most certain first.
+
+    What is costly is only asked if no other rule is satisfied.
+
+    :param facts: the first argument of the rules; `not_known` has what is not known.
+    """
+    relevant = [rule for rule in rules if symptom in rule.symptoms
+                and not any(need in facts.not_known for need in rule.needs)]
+    for is_costly in False, True:
+        found = [*_satisfied([rule for rule in relevant if rule.is_costly == is_costly], facts)]
+        if found:
+            return found
+    return []
+
+
+def _satisfied(rules: Sequence[Rule], facts: Any) -> Iterator[Cause]:
+    explained: set[str] = set()
+    for rule in rules:
+        if rule.code not in explained:
+            for evidence in rule.find(facts):
+                explained.update(rule.explains)
+                yield Cause(rule.code, evidence.text, rule.remedy.format(**evidence.values),
+                            rule.section)

@@ -1,0 +1,106 @@
+"""When the explanation of an error is written, and what may happen meanwhile."""
+
+import pickle
+
+import pytest
+
+from puretf import TransformBuffer, TransformException
+from puretf._causes.facts import Surroundings
+from puretf._core.engine import engine_of
+
+S = 1_000_000_000
+T = 1_700_000_000 * S
+STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+FUTURE = 'before that time. More: tf_doctor --explain future'
+
+
+@pytest.fixture
+def buffer():
+    """A buffer with the frame base in map, at two times."""
+    buffer = TransformBuffer()
+    for stamp in T - S, T:
+        buffer.insert(stamp, 'map', 'base', STILL)
+    return buffer
+
+
+def error_of(buffer, time, source='base'):
+    """Return the error that a lookup raises."""
+    with pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('map', source, time)
+    return raised.value
+
+
+def test_nobody_is_asked_unless_a_text_is_read(buffer):
+    """Lookups that wait raise many errors, of which only the last one is read, once."""
+    calls: list[None] = []
+
+    def look():
+        calls.append(None)
+        return Surroundings()
+
+    engine_of(buffer).look = look
+    error = error_of(buffer, T + S)
+    assert calls == []
+    assert error.causes == ()
+    texts = {str(error), str(error), repr(error), str(pickle.loads(pickle.dumps(error)))}
+    assert len(calls) == 1
+    assert len({text.count('More:') for text in texts}) == 1
+
+
+def test_nobody_is_asked_while_the_lock_is_held(buffer):
+    """A query of the ROS graph takes other locks."""
+    engine_of(buffer).look = lambda: Surroundings(now=T, topics=['/tf'])
+    with buffer.updated():
+        assert str(error_of(buffer, T + 1)).endswith(FUTURE)
+    assert 'arrived' in str(error_of(buffer, T + 1))
+
+
+def test_an_error_survives_what_it_asks(buffer):
+    """The node may be destroyed; the error is none of that."""
+    def fail():
+        raise RuntimeError
+
+    engine_of(buffer).look = fail
+    assert str(error_of(buffer, T + 1)).endswith(FUTURE)
+
+
+def test_an_error_survives_its_buffer(buffer):
+    """What was copied is named; nothing keeps the data."""
+    error, engine_of(buffer).look = error_of(buffer, T, 'bass'), Surroundings
+    del buffer
+    assert "Nearest known: 'base'." in str(error)
+
+
+@pytest.mark.parametrize(('time', 'is_told'), [
+    (T // S, True), (T // S - 1, True), (T // S - 2, False), (T // S + 1, False)])
+def test_a_time_in_seconds_is_told(buffer, time, is_told):
+    error = error_of(buffer, time)
+    assert error.causes == ('time_in_seconds',) * is_told
+    assert (f'{time} s is within the data, {time} ns is not.' in str(error)) == is_told
+
+
+def test_the_memory_of_facts_is_bounded(buffer):
+    """8 parents of a frame, and 1000 frames with refused transforms."""
+    for i in range(2000):
+        buffer.insert(0, f'parent_{i % 20}', 'tool', STILL, is_static=i % 2 == 0)
+        buffer.insert(T, 'map', f'bad_{i}', (float('nan'), *STILL[1:]))
+    facts = engine_of(buffer).tree.facts(())
+    assert len(facts.parents('tool')) <= 9
+    assert sum(bool(facts.refusals(f'bad_{i}')) for i in range(2000)) == 1000
+    buffer.clear()
+    assert not facts.refusals('bad_0')
+
+
+def test_refused_transforms_after_a_reset(buffer, logs):
+    """The remedy of the error helps: transforms of the new time are accepted."""
+    buffer.insert(T + 100 * S, 'map', 'base', STILL)
+    for i in range(50):
+        assert not buffer.insert(T + 6 * S + i, 'map', 'base', STILL)
+    error = error_of(buffer, T + 6 * S)
+    assert error.causes == ('time_goes_back',)
+    assert "50 transforms of 'base' were refused" in str(error)
+    assert 'time_goes_back' not in error_of(buffer, T + 9 * S).causes  # they would not help
+    assert len(logs) == 1
+    buffer.clear()
+    assert buffer.insert(T + 6 * S, 'map', 'base', STILL)
+    assert buffer.lookup_transform('map', 'base', T + 6 * S)
