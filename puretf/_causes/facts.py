@@ -140,6 +140,7 @@ class Edge(NamedTuple):
     refused_stamp: int  #: the stamp of the last one
     refused_authority: str  #: its publisher
     is_refusing: bool  #: True if the last one was refused
+    nanosec: int = 0  #: a `nanosec` of its stamps that is 10**9 or more; 0: there is none
 
     @property
     def period(self) -> int:

@@ -232,6 +232,15 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
             'the cache time')
 
 
+@_rule('nanosec', 'Split the time into sec and nanosec, as rclpy.time.Time.to_msg() does.',
+       'use_sim_time and the wall clock', symptoms=_TIMES,
+       explains=('other_clock', 'message_other_clock', 'too_soon', 'cache_too_short', 'gap'))
+def _nanosec(facts: Facts) -> Iterator[Evidence]:
+    if facts.edge and facts.edge.nanosec:
+        yield Evidence(f'nanosec of its stamps is {facts.edge.nanosec}; it must be below '
+                       f'{SECOND}')
+
+
 # What the ROS graph shows
 
 

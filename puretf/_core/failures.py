@@ -116,7 +116,8 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
         history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
         tree.cache_time, history.start > 0, history.authority,
         monotonic_ns() - history.arrival, history.repeated, history.refused,
-        history.refused_stamp, history.refused_authority, history.is_refusing))
+        history.refused_stamp, history.refused_authority, history.is_refusing,
+        tree.nanosecs.get(worst, 0)))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END

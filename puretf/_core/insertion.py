@@ -132,6 +132,8 @@ class Insertion:
                             stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
                             batch.authority, batch.is_static)
                     continue
+                if batch.nanosec:
+                    self._tree.note_nanosec(batch.children, batch.nanosec)
                 number, count = len(batch.children), len(batch.stamps)
                 poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
                 is_finite = normalize_poses(poses)

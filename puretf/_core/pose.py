@@ -45,6 +45,7 @@ class Batch:
         self.stamps = array('q')
         #: m * n poses, message by message, each as the bytes of 7 float64.
         self.poses: list[bytes] = []
+        self.nanosec = 0  #: a `nanosec` of a stamp that is 10**9 or more; 0: there is none
 
 
 BatchOrRows = Union[Batch, Rows]

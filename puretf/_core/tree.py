@@ -10,7 +10,7 @@ from puretf.exceptions import described
 
 #: A time after all stamps (ns), which are int64.
 END = 2**63
-#: The largest number of parents that are kept of a frame, and of frames with refused transforms.
+#: The largest number of parents that are kept of a frame, and of frames with faults.
 _MAX_PARENTS, _MAX_REFUSED = 8, 1000
 
 
@@ -36,6 +36,8 @@ class FrameTree:
         self._earlier: dict[str, dict[str, Parent]] = {}
         #: By child, then by reason: the transforms that were refused.
         self._refusals: dict[str, dict[str, Refusal]] = {}
+        #: By child: the last `nanosec` of a stamp that was 10**9 or more.
+        self.nanosecs: dict[str, int] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,14 +54,15 @@ class FrameTree:
         for name, history in self.histories.items():
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
-        self._earlier.clear()
-        self._refusals.clear()
+        for facts in self._earlier, self._refusals, self.nanosecs:
+            facts.clear()
 
     def copy_facts(self, other: 'FrameTree') -> None:
         """Take what another tree knows beside its histories."""
         self.missing_part = other.missing_part
         self._earlier = {name: dict(each) for name, each in other._earlier.items()}
         self._refusals = {name: dict(each) for name, each in other._refusals.items()}
+        self.nanosecs = dict(other.nanosecs)
 
     def note_parents(self, child: str) -> None:
         """Keep the parents of a frame, which is about to get another one."""
@@ -79,6 +82,12 @@ class FrameTree:
             reasons = self._refusals.setdefault(child, {})
             count = reasons[reason].count + 1 if reason in reasons else 1
             reasons[reason] = Refusal(reason, count, authority, is_static)
+
+    def note_nanosec(self, children: list[str], nanosec: int) -> None:
+        """Keep a `nanosec` of the stamps of some frames that is 10**9 or more."""
+        for child in children:
+            if child in self.nanosecs or len(self.nanosecs) < _MAX_REFUSED:
+                self.nanosecs[child] = nanosec
 
     def facts(self, names: tuple[str, ...]) -> Frames:
         """Return what is known of the frames, of which some have these names; needs no lock."""

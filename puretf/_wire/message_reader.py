@@ -135,7 +135,9 @@ class MessageReader:
                 layout, stamps, poses = parts
                 if stamps.count(stamps[0]) == len(stamps):
                     sec, nanosec = self._unpack_stamp(stamps[0])
-                    joined.add(layout, sec * SECOND + nanosec, poses)
+                    batch = joined.add(layout, sec * SECOND + nanosec, poses)
+                    if nanosec >= SECOND:
+                        batch.nanosec = nanosec
                     continue
             try:
                 rows = self._unpack(data)
@@ -156,7 +158,7 @@ class _Joined:
         self._closed: list[BatchOrRows] = []
         self._open: dict[Layout, Batch] = {}
 
-    def add(self, layout: Layout, stamp: int, poses: tuple[bytes, ...]) -> None:
+    def add(self, layout: Layout, stamp: int, poses: tuple[bytes, ...]) -> Batch:
         batch = self._open.get(layout)
         if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
             # The order matters only for transforms of the same child.
@@ -166,6 +168,7 @@ class _Joined:
             batch = self._open[layout] = Batch(layout.parents, layout.children, self._authority)
         batch.stamps.append(stamp)
         batch.poses += poses
+        return batch
 
     def close(self) -> list[BatchOrRows]:
         """Begin new batches from now on; return all that was added."""

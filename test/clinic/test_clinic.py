@@ -38,6 +38,7 @@ DIRECT = [
     (Facts(PAST, Surroundings(), Frames(takes_ns=True), time=5, edge=EDGE), 'time_in_seconds'),
     (Facts(PAST, Surroundings(), time=5, edge=EDGE, is_duration=True), 'time_is_duration'),
     (Facts(PAST, Surroundings(), time=5, edge=EDGE), 'too_many_samples'),
+    (Facts(PAST, Surroundings(), time=5, edge=EDGE._replace(nanosec=2**32 - 1)), 'nanosec'),
     (Facts(CLEARED, Surroundings(topics=['/tf'], is_simulated=True, clock_nodes=['/sim'])),
      'cleared'),
     (Facts(MISSING, Surroundings(), Frames(missing_part=('A part is missing', 'Read a.'))),
