@@ -173,11 +173,17 @@ def _changing_parent(facts: Facts) -> Iterator[Evidence]:
 
 def _by(facts: Facts, parent: str, child: str, authority: str) -> str:
     """Return who publishes an edge."""
-    node = facts.around.node_of(authority)
-    nodes = [node] if node else sorted({
-        node for each in facts.heard if each.parents.get(child) == parent
-        and each.topic in facts.around.topics for node in each.nodes})
+    nodes = _senders(facts, child, authority, parent)
     return f' by {comma_list(nodes, 2, shortened)}' if nodes else ''
+
+
+def _senders(facts: Facts, child: str, authority: str, parent: str = '') -> list[str]:
+    """Return the node of a publisher, or those that are heard to send a child."""
+    if node := facts.around.node_of(authority):
+        return [node]
+    return sorted({node for each in facts.heard if each.topic in facts.around.topics
+                   and child in each.parents and parent in ('', each.parents[child])
+                   for node in each.nodes})
 
 
 # Transforms that are refused
@@ -189,10 +195,11 @@ def _of_refusals(code: str, what: str, remedy: str) -> None:
         for name in dict.fromkeys((*facts.names, *facts.roots)):
             for refusal in facts.buffer.refusals(name):
                 if refusal.reason == code:
+                    nodes = _senders(facts, name, refusal.authority)
                     yield Evidence(
                         f'{_transforms(refusal.count)} of {quoted(name)}'
-                        f'{_of_node(facts, refusal.authority)} {_was(refusal.count)} refused: '
-                        f'{what}')
+                        f'{f" from {_listed(nodes)}" if nodes else ""} {_was(refusal.count)} '
+                        f'refused: {what}')
                     return
 
 
@@ -402,7 +409,10 @@ def _no_transforms(facts: Facts) -> Iterator[Evidence]:
 def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     sent = {each.gid for each in facts.heard}
-    if not around.has_data or not sent or '' in sent or facts.has_near_name:
+    heard = {child for each in facts.heard for child in each.parents}
+    # Who sends what the buffer has, and was not heard now, is not known.
+    if not around.has_data or not facts.buffer.newest.keys() <= heard or '' in sent or (
+            facts.has_near_name):
         return
     silent = {each.node: each.topic for each in around.publishers or ()
               if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node}

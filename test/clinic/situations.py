@@ -103,11 +103,11 @@ FAULTY = [
               [Lookup('odom', 'base_link', ['other_clock'], ('30.0 s ahead of it',), at=0.0)]),
     *(Situation(f'2.28 refused: {code}', World([DRIVER, Sender(
         '/imu', ['base_link tool'], pose=pose)], has_gids=True),
-        [Lookup('odom', 'tool', [code], ("401 transforms of 'tool' from /imu were refused",))])
+        [Lookup('odom', 'tool', [code], ("transforms of 'tool' from /imu were refused",))])
       for code, pose in (('not_a_number', (float('nan'), *[0.0] * 5, 1.0)),
                          ('unnormalized', (0.0,) * 7))),
     Situation('2.29 its own parent', World([DRIVER, Sender('/imu', ['tool tool'])]),
-              [Lookup('odom', 'tool', ['loop'], ("401 transforms of 'tool'", 'own parent'))]),
+              [Lookup('odom', 'tool', ['loop'], ("transforms of 'tool'", 'own parent'))]),
     Situation('2.31 a stamp just ahead of the data', World([DRIVER]),
               [Lookup('odom', 'base_link', ['too_soon'], ('Pass timeout=',), at=0.02),
                Lookup('odom', 'base_link', ['too_soon'], ('has not come within 0.01 s',), at=0.02,
@@ -171,7 +171,7 @@ FAULTY = [
               [Lookup('odom', 'laser', ['volatile_listener'], ('Omit static_qos',))]),
     Situation('nobody publishes', World([]),
               [Lookup('odom', 'base_link', ['no_transforms'],
-                      ('0 publishers on /tf and /tf_static were found in ROS domain 7',))]),
+                      ('0 publishers on /tf and /tf_static were found in ROS domain ',))]),
     Situation('joint states, and no robot_state_publisher', World(
         [], joint_states={'/joint_states': ['/driver']}),
         [Lookup('odom', 'base_link', ['no_robot_state_publisher'],

@@ -1,0 +1,109 @@
+"""Situations of the clinic over real DDS: the same causes as with made-up arrivals."""
+
+from time import monotonic, sleep, time_ns
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped
+from processes import TIMEOUT
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from situations import FAULTY, HEALTHY
+from world import S, Sender
+
+from puretf import Buffer, TFMessage, TransformException, TransformListener
+
+#: Within a participant, a topic cannot have two types.
+TYPES: dict[str, Any] = {'tf2_msgs/msg/TFMessage': TFMessage}
+
+
+def is_live(situation):
+    """Return whether a situation arises within some seconds, in one process."""
+    world = situation.world
+    return (world.clock is None and world.has_listener and not world.is_new and not world.blocked
+            and not world.is_volatile and not any(
+                sender.has_ended or sender.end < 0.0 or sender.stamp or sender.type not in TYPES
+                for sender in world.senders)
+            and not any(lookup.waited or 'cache_too_short' in (lookup.causes or ())
+                        for lookup in situation.lookups))
+
+
+LIVE = [situation for situation in FAULTY + HEALTHY if is_live(situation)]
+
+
+def message(sender: Sender, now: int) -> TFMessage:
+    """Return the message that a sender sends now (ns)."""
+    transforms = []
+    for edge in sender.edges:
+        transform = TransformStamped()
+        transform.header.frame_id, transform.child_frame_id = edge.split(' ')
+        transform.header.stamp = Time(nanoseconds=now + round(sender.offset * S)).to_msg()
+        for part, fields, values in ((transform.transform.translation, 'xyz', sender.pose),
+                                     (transform.transform.rotation, 'xyzw', sender.pose[3:])):
+            for field, value in zip(fields, values):
+                setattr(part, field, value)
+        transforms.append(transform)
+    return TFMessage(transforms=transforms)
+
+
+def running(world, make_node):
+    """Let the senders of a world publish."""
+    for sender in world.senders:
+        namespace, _, name = sender.node.rpartition('/')
+        node = make_node(name, namespace=namespace or '/', is_spun=True)
+        publisher = node.create_publisher(TYPES[sender.type], sender.topic, QoSProfile(
+            depth=100,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if sender.is_static and (
+                sender.lacks != 'transient local') else DurabilityPolicy.VOLATILE,
+            reliability=ReliabilityPolicy.BEST_EFFORT if sender.lacks == 'reliable' else
+            ReliabilityPolicy.RELIABLE))
+        if sender.waits_for:
+            kind: Any = Clock if sender.waits_for == '/clock' else JointState
+            node.create_subscription(kind, sender.waits_for, print, 10)
+        if sender.edges:
+            def send(publisher=publisher, sender=sender):
+                publisher.publish(message(sender, time_ns()))
+            send()
+            if sender.rate:
+                node.create_timer(1.0 / sender.rate, send)
+    for topic, nodes in world.joint_states.items():
+        for each in nodes:
+            make_node(each.strip('/')).create_publisher(JointState, topic, 10)
+    for each in world.clock_nodes:
+        make_node(each.strip('/')).create_publisher(Clock, '/clock', 10)
+
+
+@pytest.mark.parametrize('situation', LIVE, ids=lambda situation: situation.name)
+def test_a_situation(ros, make_node, monkeypatch, situation):
+    """Each lookup has its cause as soon as the data are there."""
+    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
+    node = make_node('laptop', is_spun=True)
+    buffer = Buffer(node=node)
+    listener = TransformListener(buffer, node)
+
+    def causes(lookup):
+        time = 0 if lookup.at is None else time_ns() + round(lookup.at * S)
+        try:
+            buffer.lookup_transform(lookup.target, lookup.source, Time(nanoseconds=time))
+        except TransformException as error:
+            text = str(error)
+            return error.causes if all(word in text for word in lookup.words) else text
+        return None
+
+    def is_right():
+        return all(causes(lookup) == (None if lookup.causes is None else (*lookup.causes,))
+                   for lookup in situation.lookups)
+
+    running(situation.world, make_node)
+    deadline = monotonic() + TIMEOUT
+    with ros.spinning():
+        while not is_right():
+            assert monotonic() < deadline, [*map(causes, situation.lookups)]
+            sleep(0.1)
+    listener.unregister()
+
+
+def test_thirty_are_live():
+    assert len(LIVE) >= 30
