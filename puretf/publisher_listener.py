@@ -21,8 +21,8 @@ from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows, Row
 from puretf._ros.graph import gid_of, node_of, UNKNOWN
 from puretf._ros.other_topics import TransformSampler
-from puretf._ros.rclpy_private import subscribe, taker
-from puretf._ros.subscription import SubscriptionSource, TopicSubscription
+from puretf._ros.rclpy_private import subscribe
+from puretf._ros.subscription import SubscriptionSource, taker, TopicSubscription
 from puretf._text.names import comma_list, TF_MESSAGE
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding

@@ -14,7 +14,8 @@ from puretf._causes.facts import Heard
 from puretf._core.frames import is_too_long
 from puretf._ros.graph import gid_of, node_of, other_topics, UNKNOWN
 from puretf._ros.messages import TFMessage
-from puretf._ros.rclpy_private import subscribe, taker
+from puretf._ros.rclpy_private import subscribe
+from puretf._ros.subscription import taker
 from puretf._text.names import TF_MESSAGE
 from puretf._wire import cdr
 

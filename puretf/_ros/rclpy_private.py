@@ -10,7 +10,7 @@ import ctypes
 from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache, partial
 from itertools import islice
-from typing import Any, Generic, Optional, TypeVar, Union
+from typing import Any, Generic, Optional, TypeVar
 from weakref import finalize
 
 from rclpy.callback_groups import CallbackGroup
@@ -277,22 +277,4 @@ class Taker(Generic[_Taken]):
                     ctypes.string_at(written.buffer, written.length),
                     self._gid_of(gid) if self._gid_of else gid, info.received_timestamp))
         return messages
-
-
-class _PlainTaker(Generic[_Taken]):
-    """Takes messages as a `Taker` does, but without gids, where rcl cannot be called."""
-
-    has_gids = has_reception_times = False
-
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int], _Taken]) -> None:
-        self._handle, self._make = handle, make
-
-    def take(self, max_messages: int) -> list[_Taken]:
-        return [self._make(data, '', 0) for data, _ in take_bytes(self._handle, max_messages)]
-
-
-def taker(handle: Any, make: Callable[[bytes, str, int], _Taken]
-          ) -> Union[Taker[_Taken], _PlainTaker[_Taken]]:
-    """Return what takes messages of a subscription: see `Taker`."""
-    return (Taker if rcl_take() else _PlainTaker)(handle, make)
 

@@ -74,7 +74,7 @@ def test_another_type(ros, monkeypatch):
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'lamp'))
     result = call(main, domain=ros.domain)
     assert result.code == 1
-    assert ('check_arm: warning: /test publishes geometry_msgs/msg/TransformStamped on /tf. '
+    assert ('check_arm: warning: /test publishes geometry_msgs/msg/TransformStamped on /tf, not '
             in result.stderr)
 
 

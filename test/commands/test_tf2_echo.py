@@ -65,13 +65,13 @@ def test_a_time_exactly(monkeypatch, ros):
         'At time 1795204941.623456789\n- Translation: [2.0000005, 0.0000000, ')
     assert between.stdout.count('At time') == 1
     first, *others = [line for line in late.stderr.splitlines() if 'the future' in line]
-    assert ' Data still arrive, ' in first
+    assert ' More: ' in first
     assert all(line.endswith(' from frame [robot] to frame [map].') for line in others)
     assert late.stdout == ''
 
 
 def test_waiting_says_what_is_missing(monkeypatch, ros):
-    """Once a second, it logs tf2's text; the hint follows once, until it changes."""
+    """Once a second, it logs tf2's text; its causes follow once, until it changes."""
     monkeypatch.setattr(tf2_echo, '_LOG_PERIOD', 0.1)
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.5)
     broadcaster = StaticTransformBroadcaster(ros.node)

@@ -229,7 +229,7 @@ def test_joint_states_without_a_robot_state_publisher(ros, monkeypatch):
     feed = LiveFeed(ros.node)
     ros.node.create_publisher(JointState, '/joint_states', 1)
     ros.until(lambda: feed.why_no_frames() == (
-        '/joint_states has a publisher, but nothing publishes transforms: start '
+        '/joint_states has a publisher, but nothing publishes transforms. Start '
         'robot_state_publisher FILE. More: tf_doctor --explain missing_frame'))
 
 

@@ -430,7 +430,7 @@ def test_the_node_of_an_endpoint(namespace, name, expected):
 def test_a_reader_of_another_topic(ros, monkeypatch, has_gids):
     """It takes the bytes of messages, and knows their nodes if rcl can be called."""
     if not has_gids:
-        monkeypatch.setattr(rclpy_private, 'rcl_take', lambda: None)
+        monkeypatch.setattr('puretf._ros.subscription.rcl_take', lambda: None)
     publisher = ros.node.create_publisher(String, '/words', 10)
     reader = TopicReader(ros.node, String, '/words', QoSProfile(depth=10))
     assert reader.has_gids is has_gids

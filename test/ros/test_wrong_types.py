@@ -49,7 +49,7 @@ from puretf import (
 #: 100 s, in ns.
 T = 100 * 10**9
 DURATION = Duration(seconds=2)
-NOTE = ' Note that the time is a Duration: did you mean timeout=?'
+NOTE = (' The time is a Duration. Pass a Duration as timeout=. More: tf_doctor --explain other')
 
 
 @pytest.fixture
@@ -81,17 +81,17 @@ def remedy_of(text):
 @pytest.mark.parametrize('duration', [DURATION, DURATION.to_msg()])
 @pytest.mark.parametrize('name', ['lookup_transform', 'lookup_transform_core'])
 def test_a_duration_as_the_time(buffer, name, duration):
-    """The hint replaces the one that would blame the clocks."""
+    """It is the cause, and no clock is."""
     text = error_of(ExtrapolationException, getattr(buffer, name), 'map', 'tool', duration)
-    assert text == (
-        'Lookup would require extrapolation at time 2.000000, but only time 100.000000 is in the '
-        f'buffer, when looking up transform from frame [tool] to frame [map].{NOTE}')
+    assert text.startswith(
+        'Lookup would require extrapolation at time 2.000000, but only time 100.000000 is in the ')
+    assert text.endswith(NOTE)
 
 
 def test_a_duration_as_the_time_of_an_unknown_frame(buffer):
-    """The hint follows the other one."""
+    """The nearest name comes first."""
     assert error_of(LookupException, buffer.lookup_transform, 'map', 'tol', DURATION).endswith(
-        f"Nearest known: 'tool'.{NOTE} More: tf_doctor --explain missing_frame")
+        f"Nearest known: 'tool'.{NOTE}")
 
 
 @pytest.mark.parametrize('times', [(DURATION, Time()), (Time(nanoseconds=T), DURATION)])
@@ -105,7 +105,7 @@ def test_a_duration_as_one_of_two_times(buffer, name, times):
 
 
 def test_a_duration_as_the_time_of_can_transform(buffer):
-    """The hint is in the debug tuple."""
+    """The cause is in the debug tuple."""
     for answer in (buffer.can_transform('map', 'tool', DURATION, return_debug_tuple=True),
                    buffer.can_transform_core('map', 'tool', DURATION),
                    buffer.can_transform_full('map', DURATION, 'tool', DURATION, 'x',
