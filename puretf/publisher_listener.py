@@ -21,7 +21,7 @@ from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows, Row
 from puretf._ros.graph import gid_of, node_of, UNKNOWN
 from puretf._ros.other_topics import TransformSampler
-from puretf._ros.rclpy_private import subscribe
+from puretf._ros.rclpy_private import is_given, subscribe
 from puretf._ros.subscription import SubscriptionSource, taker, TopicSubscription
 from puretf._text.names import comma_list, TF_MESSAGE
 from puretf._wire import cdr
@@ -29,7 +29,7 @@ from puretf._wire.message_reader import Encoding
 from puretf.transform_listener import TransformListener
 
 __all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader',
-           'TransformSampler', 'gid_of', 'node_of']
+           'TransformSampler', 'gid_of', 'is_given', 'node_of']
 
 #: The largest number of messages that are kept for `received`, and of their bytes.
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
@@ -42,6 +42,7 @@ class ReceivedMessage(bytes):
     #: report gids: the bytes that it reports instead, in hex.
     publisher = ''
     time = 0  #: the time of arrival, on the system clock (ns)
+    sent = 0  #: when it was sent, on the system clock of its computer (ns); 0: not known
     is_static = False  #: True if the message is from /tf_static
     encoding: Encoding = cdr
 
@@ -51,10 +52,11 @@ class ReceivedMessage(bytes):
         return self
 
     @classmethod
-    def of(cls, data: bytes, publisher: str = '', time: int = 0) -> 'ReceivedMessage':
+    def of(cls, data: bytes, publisher: str = '', time: int = 0, sent: int = 0
+           ) -> 'ReceivedMessage':
         """Create a message; a time of 0 is replaced by the current time."""
         message = cls(data)
-        message.publisher, message.time = publisher, time or time_ns()
+        message.publisher, message.time, message.sent = publisher, time or time_ns(), sent
         return message
 
     def rows(self) -> list[Row]:

@@ -131,6 +131,11 @@ def take_bytes(handle: Any, most: int) -> list[tuple[bytes, Any]]:
         return [*islice(iter(partial(_take_message, handle, None, True), None), most)]
 
 
+def is_given(node: Node, parameter: str) -> bool:
+    """Return whether the user has set a parameter by ROS arguments."""
+    return parameter in node._parameter_overrides
+
+
 def incompatible_qos(subscription: Subscription) -> Any:
     """
     Create the event of publishers with an incompatible QoS; None if there is no such event.
@@ -239,12 +244,12 @@ def rmw_subscription(handle: Any) -> Any:
 class Taker(Generic[_Taken]):
     """An object that takes messages, each with the gid of its publisher, which rclpy hides."""
 
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int], _Taken]) -> None:
+    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
         """
         Create the structs into which rcl writes; `rcl_take` must not return None.
 
         :param make: a function that converts the bytes of a message, the gid of the publisher
-            (hex) and the time of reception (ns; 0 if it is not known).
+            (hex), and the times of reception and of sending (ns; 0 if it is not known).
         """
         self._handle, self._make, self._take = handle, make, rcl_take()
         middleware = get_rmw_implementation_identifier()
@@ -275,6 +280,7 @@ class Taker(Generic[_Taken]):
                 gid = bytes(info.gid).hex()
                 messages.append(self._make(
                     ctypes.string_at(written.buffer, written.length),
-                    self._gid_of(gid) if self._gid_of else gid, info.received_timestamp))
+                    self._gid_of(gid) if self._gid_of else gid, info.received_timestamp,
+                    info.source_timestamp))
         return messages
 

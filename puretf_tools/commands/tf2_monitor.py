@@ -117,19 +117,20 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('tf2_monitor', ros_args, namespace) as node:
-        traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
         frame_listener, say = FrameListener(node), Once(is_terminal())
+        traffic = Traffic(frame_listener.clock)
         chain = Chain(frame_listener, (ends[0], ends[1])) if len(ends) == 2 else None
         while True:
             dropped = 0
             for _ in range(_SAMPLES):
-                messages, newly_dropped = frame_listener.received()
+                messages, newly_dropped = frame_listener.dated()
                 traffic.observe(messages)
                 dropped += newly_dropped
                 if chain is not None:
                     chain.sample()
                 sleep(_REFRESH / _SAMPLES)
-            show(_results(frame_listener, traffic, chain, dropped, say))
+            if frame_listener.knows_clock():
+                show(_results(frame_listener, traffic, chain, dropped, say))
 
 
 def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
@@ -139,6 +140,8 @@ def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[
         return wrapped(frame_listener.nothing_received(say))
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))
     lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
+    if clock := frame_listener.clock_text():
+        lines += wrapped(clock)
     if not frame_listener.now():
         lines += wrapped('Warning: use_sim_time is set, but no message has arrived on /clock: '
                          'delays are not known')

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial as partial_function
 from itertools import chain
 import json
@@ -18,18 +18,19 @@ from puretf import exact_time, in_seconds, TF_MESSAGE, visible
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import number, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
+from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress, wait
 from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
 from puretf_tools.doctor.observation import BagObserver, Endpoint, in_words, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
-from puretf_tools.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
+from puretf_tools.doctor.tf_statistics import FUTURE, Statistics
 from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.bag_times import span_of, why_outside
 from puretf_tools.inspection.feeds import OtherTopic
 from puretf_tools.inspection.gaps import holes_at
+from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, PATIENCE
 from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
 
@@ -195,26 +196,30 @@ class _Listening:
         """Subscribe; keep transforms in the buffer for some time (s)."""
         from puretf_tools.inspection.frame_listener import FrameListener
         self.listener = FrameListener(node, kept)
-        self.statistics = Statistics(SETTLING)
+        self.statistics = Statistics(SETTLING, self.listener.clock)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
-        #: This time minus that of the computer (ns); None: not known.
-        self.offset: Optional[int] = None
 
     def poll(self) -> None:
         """Count what has arrived."""
         self.end = self.listener.now()
-        self.offset = self.listener.clock_offset()
-        received, dropped = self.listener.received()
+        received, dropped = self.listener.dated()
         self.dropped += dropped
-        self.statistics.add_messages(received, self.offset)
+        self.statistics.add_messages(received)
+
+    def settle(self) -> None:
+        """Wait until the clock of the stamps is known; count the rest."""
+        if not self.listener.knows_clock():
+            with suppress(KeyboardInterrupt):
+                wait(PATIENCE, 'waiting for /clock', self.listener.knows_clock)
+        self.poll()
 
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms and to what is beside them; add what the ROS graph knows."""
     from puretf.publisher_listener import node_of, TransformSampler
     from puretf_tools.cli.node import spinning_node
-    from puretf_tools.inspection.clock_sampler import ClockSampler
+    from puretf_tools.inspection.clock_sampler import SimTimeSurvey
     from puretf_tools.inspection.header_sampler import HeaderSampler
     from puretf_tools.robot.description_listener import RobotListener
     with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
@@ -223,17 +228,19 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
         static, dynamic = listener.topics
         headers, robots = HeaderSampler(node), RobotListener(node, dynamic)
         transforms = TransformSampler(node, (static, dynamic))
-        clock = ClockSampler(node, lambda: {
+        clock = listener.clock_sampler
+        survey = SimTimeSurvey(node, clock, lambda: {
             *map(node_of, node.get_publishers_info_by_topic(dynamic)),
             *robots.subscribers(dynamic), *chain.from_iterable(headers.senders().values())})
-        for sampler in clock, robots, transforms:
+        for sampler in robots, transforms:
             stack.callback(sampler.close)
 
         def poll() -> None:
-            for each in listening, clock, headers, robots, transforms:
+            for each in listening, survey, headers, robots, transforms:
                 each.poll()
 
         elapsed = listen(duration, listener.buffer.frame_names, poll)
+        listening.settle()
         joint_senders = robots.senders()
         left_out = [f'headers on {topic}: {why}'
                     for topic, why in sorted(headers.not_read.items())]
@@ -246,7 +253,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             volatile_listeners=_volatile_listeners(node, static), headers=headers.headers(),
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
-            clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
+            clocks=clock.senders(), clears=clock.jumps, use_sim_time=survey.use_sim_time(),
             tf_listeners=robots.subscribers(dynamic),
             other_transforms=[OtherTopic(*each) for each in transforms.topics()],
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
@@ -254,7 +261,8 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             not_known=_not_known(listening), left_out=left_out, why_no_transforms=(
                 '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
             other_namespaces=listener.other_topics_hint(), end=listening.end,
-            clock_offset=listening.offset, clock_hint=_clock_hint(node))
+            stamp_clock=listener.clock, ahead=listener.ahead, clock_text=listener.clock_text(),
+            clock_stands=clock.stands(), clock_nodes=clock.nodes())
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:
@@ -265,13 +273,6 @@ def _not_known(listening: _Listening) -> dict[str, str]:
     if not listening.end:
         not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
     return not_known
-
-
-def _clock_hint(node: 'Node') -> str:
-    if node.count_publishers('/clock') and not node.get_parameter('use_sim_time').value:
-        return ('. /clock is published: with --ros-args -p use_sim_time:=true, stamps are '
-                'compared with it')
-    return ''
 
 
 def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
@@ -328,6 +329,7 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
         listener, statistics = listening.listener, listening.statistics
         buffer = listener.buffer
         listen(duration, buffer.frame_names, listening.poll)
+        listening.settle()
         nodes = listener.names_of(statistics.publishers())
         explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
         if not buffer.frame_names():

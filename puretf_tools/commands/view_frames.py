@@ -14,6 +14,7 @@ from puretf_tools.cli.progress import DEFAULT_TIME, DISCOVERY, listening_time, w
 from puretf_tools.cli.signals import check_signals, sleep
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
+from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import columns, height, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import rate_of
 
@@ -65,11 +66,11 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         raise UsageError('--root needs the name of a frame')
     path = Path() if text or watch else output_path(output)
     if bag:
-        buffer = bag.read()
+        buffer, clock = bag.read(), ''
         frames = buffer.frames()
         now = max(frame.latest for frame in frames)
     else:
-        frames, now = _listen(seconds, watch, root, ros_args, namespace)
+        frames, now, clock = _listen(seconds, watch, root, ros_args, namespace)
     forest = _forest(frames, root)
     for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
@@ -80,14 +81,14 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         save(forest, now, path)
         print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
               f'{_summary(forest)}')
-    if bag is not None:
-        print(_span(forest, now))
+    if clock or bag is not None:
+        print(clock or _span(forest, now))
     return 0
 
 
 def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str],
-            namespace: str) -> tuple[list[Frame], int]:
-    """Return the frames, and the time of the node's clock (ns); with `watch`, do not return."""
+            namespace: str) -> tuple[list[Frame], int, str]:
+    """Return the frames, the time (ns), and the clock, in words; with `watch`, do not return."""
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args, namespace) as node:
@@ -102,10 +103,12 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
                                f'{frame_listener.why_nothing()}')
         wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}',
              lambda: frame_listener.time_hint() and False)
+        if not frame_listener.knows_clock():
+            wait(PATIENCE, 'waiting for /clock', frame_listener.knows_clock)
         now, frames = frame_listener.now(), frame_listener.frames()
         if hint := frame_listener.topics_hint():
             print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
-        return frames, now
+        return frames, now, frame_listener.clock_text()
 
 
 def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> None:
@@ -120,7 +123,8 @@ def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> No
         show(wrapped(f'waiting for the root: {error}'))
     else:
         hint = frame_listener.topics_hint()
-        warning = wrapped(f'Warning: {hint}') if hint else []
+        line = f'Warning: {hint}' if hint else frame_listener.clock_text()
+        warning = wrapped(line) if line else []
         show([*warning, *format_tree(forest, now, height())], len(warning) + forest.line_count)
 
 

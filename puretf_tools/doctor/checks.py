@@ -27,13 +27,13 @@ from puretf_tools.doctor.tf_statistics import (
     FUTURE,
     LATE,
     NORM_TOLERANCE,
-    OTHER_CLOCK,
     SMALLEST_JUMP,
     Track,
 )
 from puretf_tools.inspection.feeds import half_remedy, half_text, rivals, Sender
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
+from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 #: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
@@ -49,9 +49,13 @@ _JUMP = 10
 _ONCE = 2 * SECOND
 #: Transforms that are late or from the future are reported if more than this part of them is.
 _SHARE = 0.05
+#: Stamps have a constant lead if its mean is at least this part of the largest.
+_CONSTANT = 0.8
 #: Two publishers with two clocks are no late transform of an old run, unless one of them makes
 #: the other one's transforms old by so many times fewer.
 _MANY_REFUSED = 10
+#: /clock is slow if the time from one message to the next one is longer (ns).
+_SLOW_CLOCK = 0.11 * SECOND
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: The names of this many roots are compared with those of the other frames.
@@ -422,8 +426,7 @@ def _share(tracks: Sequence[Track], field: str) -> str:
 @_check('other_clock', ERROR,
         f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: they are '
         'from another clock, so lookups at the present time fail.',
-        'Let all nodes use the same clock: set use_sim_time on all of them or on none, and '
-        'synchronise the clocks of the computers.', section='use_sim_time and the wall clock')
+        'Look at the clock that stamps them.', section='use_sim_time and the wall clock')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     # If one such stamp makes others old, `time_goes_back` says it.
     told = {observation.refused[track].by for track in observation.refused
@@ -442,7 +445,43 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{_share(tracks, "foreign")} with stamps that are far from their arrival, up to '
             f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
             f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
-            f'{observation.clock_hint}', tracks)
+            f'{_known_offset(observation, delay, worst["stamp"])}', tracks,
+            remedy=_clock_remedy(observation, tracks))
+
+
+#: Differences of clocks (s), and what they are.
+_OFFSETS = {37: 'TAI minus UTC', 18: 'GPS time minus UTC',
+            315_964_800: 'the epoch of GPS minus that of Unix'}
+_MOST_HOURS = 14
+#: Earlier stamps (ns) are no date.
+_FIRST_DATE = 10**8 * SECOND
+
+
+def _known_offset(observation: Observation, offset: float, stamp: int) -> str:
+    """Say what an offset of stamps (ns) is; '' if it is none of the known ones."""
+    seconds, hours = abs(offset) / SECOND, round(abs(offset) / SECOND / 3600)
+    zone = {hours * 3600: f'{hours} h, as of a time zone'} if 0 < hours <= _MOST_HOURS else {}
+    if 0 < stamp < _FIRST_DATE and not observation.clocks:
+        return '; stamps near 0 count from the start of a device or a simulation'
+    return next((f'; {name} is as much' for value, name in (_OFFSETS | zone).items()
+                 if abs(seconds - value) < (60.0 if value > 10**8 else 1.0)), '')
+
+
+def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int]:
+    """Return by how much the computer of a publisher is ahead (ns); None: not known."""
+    return next((observation.ahead[track.publisher] for track in tracks
+                 if track.publisher in observation.ahead), None)
+
+
+def _clock_remedy(observation: Observation, tracks: Iterable[Track] = ()) -> str:
+    """Return what to do about stamps of another clock; '': that of the check."""
+    if observation.clocks:
+        return 'Set use_sim_time in all nodes (--ros-args -p use_sim_time:=true), or in none.'
+    ahead = _ahead_of(observation, tracks)
+    if ahead is None or abs(ahead) <= FUTURE:
+        return ''
+    return (f'Synchronise the clocks of the computers: that of the sender is {in_words(ahead)} '
+            f'{"ahead" if ahead > 0 else "behind"}, by the dates of its messages.')
 
 
 def _other_clock_than(observation: Observation, clock: Track, told: Collection[Track]
@@ -490,8 +529,7 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
 @_check('message_other_clock', ERROR,
         f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those of all '
         'transforms, so the messages cannot be transformed.',
-        'Is one clock simulated, and the other that of the computer? Set use_sim_time on all '
-        'nodes or on none, and synchronise the clocks of the computers.', 'headers',
+        'Look at the clock that stamps the messages.', 'headers',
         section='use_sim_time and the wall clock')
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
@@ -501,7 +539,9 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
         yield _of_topic(
             observation, topic, found, 'have stamps of another clock; the last is '
             f'{exact_time(stamp)}, {in_words(stamp - newest)} '
-            f'{"before" if stamp < newest else "after"} the newest transform')
+            f'{"before" if stamp < newest else "after"} the newest transform'
+            f'{_known_offset(observation, stamp - int(topic.arrivals[found][-1]), stamp)}',
+            _clock_remedy(observation))
 
 
 @_check('message_too_old', ERROR,
@@ -586,12 +626,11 @@ def _of_edge(observation: Observation, edge: Edge,
 
 def _ahead(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_]) -> int:
     """Return by how much stamps are later than their arrivals (ns); 0: not known."""
-    offset = observation.clock_offset
-    if observation.has_record_times:
-        offset = None if 'arrivals' in observation.not_known else 0
-    if offset is None:
-        return 0
-    return max(0, int((topic.stamps - topic.arrivals - offset)[found].max()))
+    clock = observation.stamp_clock
+    if observation.has_record_times and 'arrivals' not in observation.not_known:
+        clock = StampClock()
+    times = clock.at(topic.arrivals) if clock else None
+    return 0 if times is None else max(0, int((topic.stamps - times)[found].max()))
 
 
 def _part(topic: MessageTimes, found: NDArray[np.bool_]) -> str:
@@ -690,7 +729,22 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
             f'{_all_of(senders)} publish /clock: {_counts(senders)} messages, with the last times '
             f'{times}', (), (), ['/clock'], [sender.node for sender in senders],
             explains=dict.fromkeys([*explains, 'other_clock', 'time_goes_back', 'late', 'future',
-                                    'gap', 'one_shot'], None))
+                                    'gap', 'one_shot', 'slow_clock'], None))
+
+
+@_check('clock_stands', WARNING,
+        'The time on /clock does not advance, so nodes that use it send no new stamps.',
+        'Let the simulation or the bag go on if it is paused; otherwise, look at the node that '
+        'publishes /clock.', section='use_sim_time and the wall clock')
+def _clock_stands(observation: Observation) -> Iterator[_Fault]:
+    if observation.clock_stands:
+        time = [f' at {exact_time(sender.stamp)} s' for sender in observation.clocks[-1:]]
+        explains = [code for code in CHECKS if code.startswith('message_')]
+        yield _Fault(
+            f'the time on /clock of {_names(observation.clock_nodes)} has stood'
+            f'{"".join(time)} for {observation.clock_stands:.1f} s', (), (), ['/clock'],
+            observation.clock_nodes, explains=dict.fromkeys(
+                [*explains, 'frozen_stamp', 'zero_stamp', 'gap', 'late', 'one_shot'], None))
 
 
 @_check('use_sim_time_differs', WARNING,
@@ -854,8 +908,8 @@ def _late(observation: Observation) -> Iterator[_Fault]:
         mean = f'{in_words(worst.mean_delay)}, the largest ' if worst.mean_delay > 0.0 else ''
         yield _Fault(f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
                      f'stamp; the {"mean" if mean else "largest"} delay of '
-                     f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}',
-                     tracks)
+                     f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}'
+                     f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}', tracks)
 
 
 def _is_frequent(track: Track, field: str) -> bool:
@@ -864,15 +918,27 @@ def _is_frequent(track: Track, field: str) -> bool:
 
 @_check('future', WARNING,
         f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.',
-        'Synchronise the clocks of the computers; some localisation nodes date their transforms '
+        'Compare the clocks of the computers; some localisation nodes date their transforms '
         'into the future on purpose (transform_tolerance).', 'arrivals',
         section='use_sim_time and the wall clock')
 def _future(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'future')):
-        worst = min(tracks, key=itemgetter('least_delay'))
-        yield _Fault(f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
-                     f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
-                     f'ahead ({shortened(worst.child)})', tracks)
+        worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
+        text = (f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
+                f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
+                f'ahead ({shortened(worst.child)})'
+                f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}')
+        is_synchronised = ahead is not None and abs(ahead) <= FUTURE
+        others = [track for track in observation.tracks if track['delays'] and not (
+            track in tracks or _is_frequent(track, 'future'))]
+        if is_synchronised and others and worst.mean_delay < _CONSTANT * worst['least_delay']:
+            yield _Fault(f'{text}; the lead is constant, and other frames are in time', tracks,
+                         remedy='This is right if the node dates its transforms into the future '
+                         'on purpose, as localisation does (transform_tolerance).', severity=INFO)
+        else:
+            yield _Fault(text, tracks, remedy=_clock_remedy(observation, tracks) or (
+                'Look at how the node dates its transforms: the clock of its computer is right.'
+                if is_synchronised else ''))
 
 
 @_check('time_goes_back', WARNING,
@@ -1020,6 +1086,18 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
 
 
 # Infos
+
+
+@_check('slow_clock', INFO,
+        'The time on /clock comes so rarely that the time of nodes that use it is behind the '
+        'stamps.',
+        'Raise the rate of /clock.', section='use_sim_time and the wall clock')
+def _slow_clock(observation: Observation) -> Iterator[_Fault]:
+    for sender in observation.clocks:
+        period = (sender.last - sender.first) / max(1, sender.count - 1)
+        if sender.count > 2 and period > _SLOW_CLOCK:
+            yield _Fault(f'{sender.node} publishes /clock at {SECOND / period:.1f} Hz: stamps are '
+                         f'up to {in_words(period)} ahead of it', (), (), ['/clock'], [sender.node])
 
 
 @_check('several_trees', INFO,

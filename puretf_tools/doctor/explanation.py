@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from itertools import takewhile
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from puretf import exact_time, Frame, in_seconds, shortened, visible
+from puretf import comma_list, exact_time, Frame, in_seconds, shortened, visible
 from puretf_tools.inspection.bag_times import both
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
@@ -58,7 +58,10 @@ class Explanation(NamedTuple):
                 lines += ['', f'No edge connects {" and ".join(map(shortened, self.roots))}.']
             lines = [*wrapped(f'{what}, with the rate, the oldest and the newest stamp, and the '
                               'publisher of each edge:'), '', *lines, '']
-        when = f'at {self._written(self.stamp)}' if self.stamp else 'at all times'
+        zero = [shortened(frame.name) for frame in self.path
+                if not (frame.is_static or frame.latest)]
+        when = (f'at {self._written(self.stamp)}' if self.stamp else 'at all times' if not zero
+                else f'only at the time 0, the stamp of {comma_list(zero, 5)}')
         return '\n'.join([*lines, *wrapped(visible(
             f'There is no transform from {second} to {first}: {self.why_not}'
             if self.why_not else

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf.bag import Headers
-from puretf_tools.doctor.tf_statistics import OTHER_CLOCK
+from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
 from puretf_tools.inspection.traffic import LATEST
 
 #: A message that waits at least this long (ns) is reported.
@@ -166,8 +166,8 @@ class Judge:
     """Judges the messages of topics."""
 
     def __init__(self, edges_above: Callable[[str], Optional[Sequence[Edge]]],
-                 spans: Iterable[tuple[int, int]], begin: int, end: int, offset: Optional[int],
-                 settling: int) -> None:
+                 spans: Iterable[tuple[int, int]], begin: int, end: int,
+                 clock: Optional[StampClock], settling: int) -> None:
         """
         Set what all messages have in common.
 
@@ -176,13 +176,12 @@ class Judge:
         :param spans: the oldest and the newest stamp (ns) of the transforms of each frame.
         :param begin: the beginning of the observation (ns), on the clock of the arrivals.
         :param end: its end.
-        :param offset: the present time on the clock of the stamps minus that of the arrivals (ns);
-            None: it is not known.
+        :param clock: that of the stamps; None: it is not known.
         :param settling: messages that arrive before the first transform of an edge, or less than
             this after it (ns), are not judged; 0: they are.
         """
         self._edges_above, self._begin, self._end = edges_above, begin, end
-        self._offset, self._settling = offset, settling
+        self._clock, self._settling = clock, settling
         self._spans: list[tuple[int, int]] = []
         for oldest, newest in sorted(spans):
             if self._spans and oldest <= self._spans[-1][1] + OTHER_CLOCK:
@@ -221,8 +220,8 @@ class Judge:
         is_far = np.ones(len(stamps), np.bool_)
         for oldest, newest in self._spans:
             is_far &= (stamps < oldest - OTHER_CLOCK) | (stamps > newest + OTHER_CLOCK)
-        if self._offset is not None:
-            is_far &= np.abs(arrivals + self._offset - stamps) > OTHER_CLOCK
+        if self._clock and (times := self._clock.at(arrivals)) is not None:
+            is_far &= np.abs(times - stamps) > OTHER_CLOCK
         return is_far
 
 

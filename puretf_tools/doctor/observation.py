@@ -16,6 +16,7 @@ from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Half, halves, OtherTopic, Sender
 from puretf_tools.inspection.robots import prefix, Robot
+from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import recreated
 from puretf_tools.robot.observed import RobotsInBag
 
@@ -82,10 +83,14 @@ class Observation:
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
     has_record_times: bool = False
     end: int = 0  #: the end of the observation (ns), on the clock of the stamps; 0: not known
-    #: Of a live system: the present time on the clock of the stamps minus that of the computer,
-    #: which dates the arrivals (ns); None: not known.
-    clock_offset: Optional[int] = None
-    clock_hint: str = ''  #: a text about this computer's clock, for stamps from another clock
+    stamp_clock: Optional[StampClock] = None  #: of a live system: the clock of the stamps
+    #: Of a live system, by publisher: by how much the clock of its computer is ahead of this one
+    #: (ns), as far as the dates of its messages tell.
+    ahead: Mapping[str, int] = field(default_factory=dict)
+    clock_text: str = ''  #: that the clock of the stamps is /clock; '': it is not
+    #: For how long (s) the time on /clock has stood at the end, if a node publishes it.
+    clock_stands: float = 0.0
+    clock_nodes: Sequence[str] = ()  #: the nodes that publish /clock at the end
     #: The track with the most transforms, if a bag was recorded with another clock than that of
     #: most stamps.
     clock: Optional[Track] = None
@@ -214,7 +219,7 @@ class Observation:
         judge = Judge(
             self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
                                 if track['latest'] and not track.is_static],
-            min(arrivals, default=0), max(arrivals, default=0), self.clock_offset,
+            min(arrivals, default=0), max(arrivals, default=0), self.stamp_clock,
             self.statistics.settling)
         return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from time import thread_time
-from typing import Optional, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.report import examine
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection.feeds import OtherTopic
+from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import SETTLING
 
 if TYPE_CHECKING:
@@ -26,12 +27,12 @@ _NOT_KNOWN = dict.fromkeys(('headers', 'listeners', 'qos'), 'tf_doctor looks for
 class _Statistics(Statistics):
     """Statistics that know the last two transforms of each frame, from which others can begin."""
 
-    def __init__(self, settling: int = 0) -> None:
-        super().__init__(settling)
+    def __init__(self, settling: int, clock: StampClock) -> None:
+        super().__init__(settling, clock)
         self.last: dict[tuple[object, ...], TransformTable] = {}
 
-    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
-        super().add(table, offset)
+    def add(self, table: TransformTable) -> None:
+        super().add(table)
         key = table.publisher, table.is_static, *table.edges
         tables = [self.last[key], table] if key in self.last else [table]
         times, stamps, poses = (np.concatenate(each)[-2:] for each in zip(
@@ -44,7 +45,8 @@ class RecentFindings:
 
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener = listener
-        self._statistics = _Statistics(SETTLING)
+        self._statistics = _Statistics(SETTLING, listener.clock)
+        self._was_simulated = listener.clock.is_simulated
         self._next = self._begin = 0.0  # of the next examination, and of the statistics (s)
         #: By code and frames: the finding, and when it was last found (s).
         self._found: dict[tuple[str, tuple[str, ...]], tuple[Finding, float]] = {}
@@ -60,9 +62,11 @@ class RecentFindings:
         :param now: on the monotonic clock (s).
         """
         begin = thread_time()
+        if self._was_simulated != (simulated := self._listener.clock.is_simulated):
+            self._was_simulated, self._found = simulated, {}
         if not is_complete or now >= self._begin + _LENGTH:
             self._restart(is_complete, now)
-        self._statistics.add_messages(messages, self._listener.clock_offset())
+        self._statistics.add_messages(messages)
         self._examine(other_transforms, now)
         self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
 
@@ -73,7 +77,7 @@ class RecentFindings:
     def _restart(self, is_complete: bool, now: float) -> None:
         """Begin again with the last transforms of each frame: some are sent seldom, or once."""
         before, self._begin = self._statistics.last, now
-        self._statistics = _Statistics()
+        self._statistics = _Statistics(0, self._listener.clock)
         for table in before.values():
             if table.is_static or (
                     is_complete and self._listener.is_present(table.publisher) is not False):
@@ -88,12 +92,12 @@ class RecentFindings:
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
             other_transforms=other_transforms, not_known={**_NOT_KNOWN, **(
                 {} if end else {'arrivals': 'no message has arrived on /clock'})},
-            end=end, clock_offset=listener.clock_offset()))
+            end=end, stamp_clock=listener.clock, ahead=listener.ahead))
         self._found = {key: each for key, each in self._found.items() if each[1] > now - _LENGTH}
         self._found.update({(finding.code, finding.frames): (finding, now)
                             for finding in report.findings if finding.code != 'no_transforms'})
         self.findings = sorted((finding for finding, _ in self._found.values()), key=lambda each: (
             SEVERITIES.index(each.severity), each.code, each.frames))
-        count = len(self.findings)
+        count, clock = len(self.findings), listener.clock_text()
         self.verdict = (f'{count} finding{"" if count == 1 else "s"}' if count else 'healthy') + (
-            f' in the last {_LENGTH:.0f} s')
+            f' in the last {_LENGTH:.0f} s{clock and f"; {clock}"}')

@@ -24,6 +24,7 @@ class Report(NamedTuple):
     topics: list[dict[str, Any]]
     not_checked: list[str]  #: what could not be checked, and why
     verdict: str  #: the number of findings, of transforms and of frames, in one line
+    clock: str = ''  #: that times are those of /clock, if they are
 
     @property
     def has_errors(self) -> bool:
@@ -52,6 +53,8 @@ class Report(NamedTuple):
             lines += [*map(visible, _table(self.topics)), '']
         for text in self.not_checked:
             lines += wrapped(visible(f'not checked: {text}'))
+        if self.clock:
+            lines += wrapped(visible(self.clock))
         return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
 
 
@@ -85,7 +88,8 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
     unknown = [*not_checked(observation, ignore), *observation.left_out]
     return Report(findings, topics, unknown, visible(
         f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
-        f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
+        f'{_count(len(observation.tree_of), "frame")} {observation.where}'),
+        observation.clock_text)
 
 
 def examine_bag(bag: Paths, *, ignore: Collection[str] = (), **options: Any) -> dict[str, Any]:

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from puretf import is_frozen, SECOND, shortened
 from puretf.transform_table import Message, transform_tables, TransformTable
+from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
 from puretf_tools.inspection.traffic import Counts, DELAYS, rate
 
-#: A stamp that is farther than this from the time of arrival (ns) is from another clock.
-OTHER_CLOCK = 60 * SECOND
 #: A transform is late if it arrives more than `LATE` (ns) after its stamp, and it is from the
 #: future if its stamp is more than `FUTURE` (ns) after its arrival.
 LATE, FUTURE = SECOND // 2, SECOND // 10
@@ -122,9 +121,10 @@ class Statistics(Counts):
     """The statistics of all tracks."""
 
     fields, most_tracks = _FIELDS, 10_000
+    of_clock = *Counts.of_clock, 'first_time', 'last_time', 'late', 'future', 'foreign'
 
-    def __init__(self, settling: int = 0) -> None:
-        super().__init__(settling)
+    def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:
+        super().__init__(settling, clock)
         self._tracks: list[Track] = []  #: by their numbers
         self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
         #: By publisher and topic (True: static): the other names of the transforms with an empty
@@ -180,14 +180,13 @@ class Statistics(Counts):
         order = order[stamps[order] != 0]
         return times[order], stamps[order]
 
-    def add_messages(self, messages: Iterable[Message], offset: Optional[int] = 0) -> None:
+    def add_messages(self, messages: Iterable[Message]) -> None:
         """Count the transforms of messages; see `add`."""
         for table in transform_tables(messages, lambda error: self.malformed.update([str(error)])):
-            self.add(table, offset)
+            self.add(table)
 
-    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable,
-               offset: Optional[int]) -> None:
-        super()._count(values, numbers, table, offset)
+    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
+        super()._count(values, numbers, table)
         stamps, poses = table.stamps, table.poses
         is_new = values['count'] == 0
         before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
@@ -200,13 +199,13 @@ class Statistics(Counts):
             _add_stamps(values, stamps, before)
         is_timed = table.times != 0
         if is_timed.any():
-            times = table.times[is_timed]
+            arrivals = table.times[is_timed]
             if not table.is_static:
-                self._keep(numbers, times, stamps[is_timed])
-            if offset is not None:
+                self._keep(numbers, arrivals, stamps[is_timed])
+            if (times := self.clock.at(arrivals)) is not None:
                 first = values['first_time']
-                values['first_time'] = np.where(first == 0, (times + offset).min(), first)
-                values['last_time'] = np.maximum(values['last_time'], (times + offset).max())
+                values['first_time'] = np.where(first == 0, times.min(), first)
+                values['last_time'] = np.maximum(values['last_time'], times.max())
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
 

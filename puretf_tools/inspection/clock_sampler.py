@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 import struct
-from time import monotonic
+from time import monotonic, time_ns
 from typing import Any, Optional
 
 from rcl_interfaces.msg import ParameterType
@@ -12,12 +12,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from puretf import SECOND
-from puretf.publisher_listener import TopicReader, UNKNOWN
+from puretf.publisher_listener import node_of, TopicReader, UNKNOWN
 from puretf_tools.inspection.feeds import Sender, Senders
+from puretf_tools.inspection.stamp_clock import StampClock
 
 TOPIC = '/clock'
 #: The time between two searches for nodes (s), and after which a question is repeated.
 _SCAN_INTERVAL, _RETRY = 0.5, 2.0
+#: A time that has not changed for this long (s) stands.
+_STANDS = 3.0
 #: The largest number of nodes that are asked, and of jumps back that are kept.
 _MOST_NODES, _MOST_JUMPS = 50, 1000
 #: Programs that show or record what others send; it does not matter which clock they use.
@@ -26,30 +29,28 @@ _TOOLS = ('rviz', 'rqt', 'rosbag2', 'foxglove', 'rosbridge', 'transform_listener
 
 
 class ClockSampler:
-    """A subscription to /clock; while it is published, nodes are asked whether they use it."""
+    """A subscription to /clock, and the clock of the stamps."""
 
-    def __init__(self, node: Node, nodes: Callable[[], set[str]]) -> None:
-        """
-        Subscribe.
-
-        :param nodes: returns the full names of the nodes that may be asked.
-        """
-        self._node, self._nodes, self._next_scan = node, nodes, 0.0
+    def __init__(self, node: Node) -> None:
+        """Subscribe."""
+        self._node, self.clock = node, StampClock()
         self._reader = TopicReader(node, Clock, TOPIC, QoSProfile(
             depth=200, reliability=ReliabilityPolicy.BEST_EFFORT))
-        self._senders, self._last = Senders(), 0
+        self._senders, self._last, self._moved = Senders(), -1, time_ns()
         self.jumps: list[int] = []  #: when the time has jumped back (ns, on the system clock)
-        self._clients: dict[str, _Question] = {}
 
     def senders(self) -> list[Sender]:
         """Return the publishers that have sent; none if it is not known who has sent what."""
         return self._senders.named(self._reader.names_of) if self._reader.has_gids else []
 
-    def use_sim_time(self) -> dict[str, bool]:
-        """Return by node whether it uses /clock; nodes that have not answered are left out."""
-        own = {sender.node for sender in self.senders()}
-        return {name: each.answer for name, each in self._clients.items()
-                if each.answer is not None and name not in own}
+    def nodes(self) -> list[str]:
+        """Return the nodes that publish /clock now."""
+        return sorted({*map(node_of, self._node.get_publishers_info_by_topic(TOPIC))})
+
+    def stands(self) -> float:
+        """Return for how long the time has not changed (s), if it is published; 0.0: it runs."""
+        silence = (time_ns() - self._moved) / SECOND
+        return silence if silence > _STANDS and self.nodes() else 0.0
 
     def poll(self) -> None:
         for message in self._reader.take():
@@ -59,10 +60,36 @@ class ClockSampler:
             seconds, nanoseconds = struct.unpack_from(f'{order}iI', message, 4)
             stamp = seconds * SECOND + nanoseconds
             self._senders.add(message.publisher, message.time, stamp)
+            self.clock.add(message.time, stamp)
             if stamp < self._last and len(self.jumps) < _MOST_JUMPS:
                 self.jumps.append(message.time)
-            self._last = stamp
-        if self._last and monotonic() >= self._next_scan:
+            if stamp != self._last:
+                self._last, self._moved = stamp, message.time
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+class SimTimeSurvey:
+    """Asks nodes whether they use /clock, while it is published."""
+
+    def __init__(self, node: Node, sampler: ClockSampler, nodes: Callable[[], set[str]]) -> None:
+        """
+        Ask nobody yet.
+
+        :param nodes: returns the full names of the nodes that may be asked.
+        """
+        self._node, self._sampler, self._nodes, self._next_scan = node, sampler, nodes, 0.0
+        self._clients: dict[str, _Question] = {}
+
+    def use_sim_time(self) -> dict[str, bool]:
+        """Return by node whether it uses /clock; nodes that have not answered are left out."""
+        own = {sender.node for sender in self._sampler.senders()}
+        return {name: each.answer for name, each in self._clients.items()
+                if each.answer is not None and name not in own}
+
+    def poll(self) -> None:
+        if self._sampler.senders() and monotonic() >= self._next_scan:
             self._next_scan = monotonic() + _SCAN_INTERVAL
             for name in self._nodes() - self._clients.keys() - {
                     UNKNOWN, self._node.get_fully_qualified_name()}:
@@ -71,9 +98,6 @@ class ClockSampler:
                     self._clients[name] = _Question(self._node, name)
             for question in self._clients.values():
                 question.poll()
-
-    def close(self) -> None:
-        self._reader.close()
 
 
 class _Question:

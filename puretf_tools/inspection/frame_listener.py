@@ -1,15 +1,23 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
-from time import time_ns
-from typing import Optional
+from time import monotonic
+from typing import Any, Optional
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from puretf import Buffer
-from puretf.publisher_listener import PublisherListener
+from puretf import Buffer, comma_list, visible
+from puretf.publisher_listener import is_given, PublisherListener, Received, ReceivedMessage
+from puretf_tools.inspection.clock_sampler import ClockSampler, TOPIC
+from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import Once
 from puretf_tools.inspection.time_watch import TimeWatch
+
+#: For how long messages wait for the choice of the clock if nothing publishes /clock (s), and how
+#: many of them.
+_DISCOVERY, _MOST_HELD = 2.0, 10_000
+#: The time between two choices of the clock (s).
+_INTERVAL = 1.0
 
 
 class FrameListener(PublisherListener):
@@ -17,6 +25,12 @@ class FrameListener(PublisherListener):
 
     def __init__(self, node: Node, seconds: float = 10.0) -> None:
         """Subscribe to /tf and /tf_static; keep transforms for some seconds."""
+        self.clock_sampler = ClockSampler(node)
+        self.clock = self.clock_sampler.clock  #: that of the stamps
+        self._held: list[ReceivedMessage] = []
+        self._since = self._next_choice = 0.0
+        #: By publisher: by how much the clock of its computer is ahead (ns), by its messages.
+        self.ahead: dict[str, int] = {}
         super().__init__(Buffer(Duration(seconds=seconds), node), node)
         #: The names of the topics of static and of dynamic transforms, after remapping.
         self.topics = [each.topic_name for each in self.subscriptions]
@@ -31,15 +45,62 @@ class FrameListener(PublisherListener):
         return self.time_hint() or super().topics_hint()
 
     def now(self) -> int:
-        """Return the time of the node (ns); 0 if it waits for /clock, as use_sim_time is set."""
-        return int(self.node.get_clock().now().nanoseconds)
+        """Return the time (ns); 0: use_sim_time is set, and nothing has arrived on /clock."""
+        self.knows_clock()
+        return self.clock.now()
 
-    def clock_offset(self) -> Optional[int]:
-        """Return the time of the node minus that of this computer (ns); None: not known yet."""
-        # Without simulated time, both are one clock; a pause between two looks at it would count.
-        if not self.node.get_parameter('use_sim_time').value:
-            return 0
-        return now - time_ns() if (now := self.now()) else None
+    def knows_clock(self) -> bool:
+        """
+        Choose the clock; return False if it may become known by a message of /clock.
+
+        The parameter use_sim_time of the node decides, if the user has set it. Otherwise /clock is
+        used if the stamps fit it, and not the system clock.
+        """
+        self.clock_sampler.poll()
+        if (uses := self.node.get_parameter('use_sim_time').value) or is_given(
+                self.node, 'use_sim_time'):
+            self.clock.is_simulated = uses
+            return True
+        if (now := monotonic()) < self._next_choice:
+            return True
+        stamps = [frame.arrived for frame in self.buffer.frames() if frame.arrived]
+        if not stamps:
+            return True
+        choice, self._since = self.clock.choice(stamps), self._since or now
+        if choice is not None:
+            self.clock.is_simulated = choice
+        elif not self._next_choice and len(self._held) < _MOST_HELD and now < self._since + (
+                PATIENCE if self.node.count_publishers(TOPIC) else _DISCOVERY):
+            return False
+        self._next_choice = now + _INTERVAL
+        return True
+
+    def dated(self) -> Received:
+        """Return the messages since the last call, as `received`, once their clock is known."""
+        messages, dropped = self.received()
+        for message in messages:
+            ahead = message.sent - message.time
+            self.ahead[message.publisher] = max(ahead, self.ahead.get(message.publisher, ahead))
+        self._held += messages
+        if not self.knows_clock():
+            return Received([], dropped)
+        held, self._held = self._held, []
+        return Received(held, dropped)
+
+    def clock_text(self) -> str:
+        """Return that times are those of /clock; '' if they are not."""
+        if not self.clock.is_simulated or not self.clock.now():
+            return ''
+        nodes = comma_list(self.clock_sampler.nodes(), 3, visible)
+        return f'times are those of /clock{nodes and f", published by {nodes}"}'
+
+    def _surroundings(self) -> Any:
+        return super()._surroundings()._replace(
+            now=self.clock.now(), is_simulated=self.clock.is_simulated)
+
+    def _release(self) -> None:
+        self.clock_sampler.close()
+        super()._release()
 
     def why_no_transform(self, target: str, source: str, time: int = 0,
                          say: Optional[Once] = None) -> str:

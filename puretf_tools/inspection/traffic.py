@@ -1,8 +1,7 @@
 """Counts of received transforms: how many, how often and how late, by frame and by publisher."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Mapping
-from time import time_ns
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from puretf import Frame, in_seconds, is_too_long, SECOND
 from puretf.transform_table import Message, transform_tables, TransformTable
+from puretf_tools.inspection.stamp_clock import StampClock
 
 if TYPE_CHECKING:
     from puretf.publisher_listener import PublisherListener
@@ -65,11 +65,19 @@ class Counts:
     """
 
     fields = np.dtype(DELAYS)
+    of_clock = fields.names or ()  #: those fields that depend on the clock of the stamps
     most_tracks = 100_000
 
-    def __init__(self, settling: int = 0) -> None:
-        """Ignore the delays of a publisher for a time (ns) after its first message."""
-        self.settling = settling
+    def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:
+        """
+        Count nothing yet.
+
+        :param settling: the delays of a publisher are ignored for this time (ns) after its first
+            message.
+        :param clock: that of the stamps; None: that of the arrivals.
+        """
+        self.settling, self.clock = settling, clock or StampClock()
+        self._was_simulated = self.clock.is_simulated
         #: By publisher: the time of arrival of the first dynamic message (ns).
         self._since: dict[str, int] = {}
         #: By child, publisher and topic (True: static): the number of the track.
@@ -78,12 +86,12 @@ class Counts:
         #: The number of counted transforms, and of those left out as there are too many tracks.
         self.count = self.not_counted = 0
 
-    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
-        """
-        Count transforms.
-
-        :param offset: the clock of the stamps minus that of the arrivals (ns); None: not known.
-        """
+    def add(self, table: TransformTable) -> None:
+        """Count transforms; if the clock is another one now, discard all delays."""
+        if self.clock.is_simulated != self._was_simulated:
+            self._was_simulated = self.clock.is_simulated
+            for field in self.of_clock:
+                self._values[field] = 0
         found = [self._number(table, *edge) for edge in table.edges]
         kept = [i for i, number in enumerate(found) if number is not None]
         if kept:
@@ -92,7 +100,7 @@ class Counts:
             values = self._values[numbers]
             self._count(values, numbers, table._replace(
                 times=table.times.clip(-LATEST, LATEST), stamps=table.stamps[:, kept],
-                poses=table.poses[:, kept]), offset)
+                poses=table.poses[:, kept]))
             self._values[numbers] = values
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
@@ -107,8 +115,7 @@ class Counts:
             self._numbers[key] = len(self._numbers)
         return self._numbers[key]
 
-    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable,
-               offset: Optional[int]) -> None:
+    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
         """Change the values (n,) of the tracks with some numbers by n transforms each message."""
         is_timed = table.times != 0
         if table.is_static or not is_timed.any():
@@ -116,8 +123,9 @@ class Counts:
         since = self._since.setdefault(table.publisher, int(table.times[is_timed].min()))
         if self.settling:
             is_timed &= table.times >= since + self.settling
-        if offset is not None and is_timed.any():
-            self._count_delays(values, table.times[is_timed] + offset, table.stamps[is_timed])
+        times = self.clock.at(table.times[is_timed])
+        if times is not None and len(times):
+            self._count_delays(values, times, table.stamps[is_timed])
 
     def _count_delays(self, values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]
                       ) -> None:
@@ -165,23 +173,17 @@ class NodeTraffic(NamedTuple):
 class Traffic(Counts):
     """The messages that were received within the window; the child '' is all of a message."""
 
-    def __init__(self, now: Callable[[], int], system_clock: Callable[[], int] = time_ns) -> None:
-        """
-        Count nothing yet.
-
-        :param now: returns the time on the clock of the stamps (ns); 0: not known.
-        :param system_clock: returns the time on the clock of the reception times (ns).
-        """
-        super().__init__(SETTLING)
-        self._now, self._system_clock = now, system_clock
+    def __init__(self, clock: StampClock) -> None:
+        """Count nothing yet; `clock`: that of the stamps."""
+        super().__init__(SETTLING, clock)
         self._seconds: deque[Any] = deque(maxlen=WINDOW)  #: the values of each second before
-        self._latest = 0  #: the last result of `now` (ns)
-        self._set_back = 0  #: the system time (ns) at which `now` jumped back last; 0: never
+        self._latest = 0  #: the last time on this clock (ns)
+        self._set_back = 0  #: the system time (ns) at which it jumped back last; 0: never
 
     def observe(self, messages: Iterable[Message]) -> None:
         """Count the transforms of received messages; the listener logs malformed ones."""
-        now, system = self._read_clocks()
-        begin = max(self._set_back, system - WINDOW * SECOND)
+        self._read_clock()
+        begin = max(self._set_back, self.clock.system() - WINDOW * SECOND)
         for table in transform_tables(
                 each for each in messages if each.is_static or each.time >= begin):
             names = [child.removeprefix('/') for _, child in table.edges]
@@ -193,14 +195,13 @@ class Traffic(Counts):
                 # A stamp 0 is as late as any other, as for tf2.
                 self.add(table._replace(
                     edges=[*(table.edges[i] for i in kept), ('', '')],
-                    stamps=np.where(stamps == 0, 1, stamps), poses=np.empty((*stamps.shape, 0))),
-                    now - system if now else None)
+                    stamps=np.where(stamps == 0, 1, stamps), poses=np.empty((*stamps.shape, 0))))
 
-    def _read_clocks(self) -> tuple[int, int]:
-        """Return the times of both clocks (ns); if `now` has jumped back, discard all delays."""
-        now, system = self._now(), self._system_clock()
+    def _read_clock(self) -> int:
+        """Return the time on the clock (ns); if it has jumped back, discard all delays."""
+        now = self.clock.now()
         if now < self._latest - SECOND:
-            self._set_back = system
+            self._set_back = self.clock.system()
             self._seconds.clear()
             self._values = np.zeros_like(self._values)
         for _ in range(min(now // SECOND - self._latest // SECOND, WINDOW + 1)):
@@ -208,12 +209,12 @@ class Traffic(Counts):
             self._values = np.zeros_like(self._values)
             self._values['last'] = self._seconds[-1]['last']
         self._latest = now
-        return now, system
+        return now
 
     def by_node(self, listener: 'PublisherListener', frame: Optional[str] = None
                 ) -> list[NodeTraffic]:
         """Summarise by frame and node, then all of each node; or only one frame by node."""
-        now, _ = self._read_clocks()
+        now = self._read_clock()
         keys = [key for key in self._numbers if frame in (None, key[0])]
         names = listener.names_of({gid for _, gid, _ in keys})
         groups: dict[tuple[bool, str, str], list[tuple[str, str, bool]]] = {}

@@ -236,7 +236,7 @@ class LiveFeed(Feed):
         from puretf_tools.inspection.frame_listener import FrameListener
         from puretf_tools.robot.description_listener import DescriptionListener
         self._frame_listener = FrameListener(node, 2 * LENGTH)
-        self._traffic = Traffic(self._frame_listener.now)
+        self._traffic = Traffic(self._frame_listener.clock)
         self._recent = RecentFindings(self._frame_listener)
         self._others = TransformSampler(node, self._frame_listener.topics)
         #: What was received since the last examination, and whether some was lost before.
@@ -254,7 +254,7 @@ class LiveFeed(Feed):
         return given if isinstance(given, Mapping) else given.descriptions()
 
     def watch(self, now: float) -> None:
-        received = self._frame_listener.received()
+        received = self._frame_listener.dated()
         self._traffic.observe(received.messages)
         self._waiting += received.messages
         self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING

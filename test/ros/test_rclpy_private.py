@@ -29,6 +29,7 @@ from puretf._ros.rclpy_private import (
     guard_condition,
     incompatible_qos,
     install,
+    is_given,
     is_of_executor,
     rcl_take,
     RCLError,
@@ -225,8 +226,8 @@ def test_rcl_reports_the_gid_of_a_message(strings, ros):
     """The gid is the beginning of that in `get_publishers_info_by_topic`; the order is kept."""
     publisher, subscription = strings
     assert rcl_take() is not None
-    messages: list[tuple[bytes, str, int]] = []
-    taker = Taker(subscription.handle, lambda data, gid, received: (data, gid, received))
+    messages: list[tuple[bytes, str, int, int]] = []
+    taker = Taker(subscription.handle, lambda *each: each)
     assert not taker.take(10)
     for text in 'one', 'two', 'three':
         publisher.publish(String(data=text))
@@ -236,11 +237,18 @@ def test_rcl_reports_the_gid_of_a_message(strings, ros):
         return len(messages) == 3
 
     ros.until(has_all)
-    assert [deserialize_message(data, String).data for data, _, _ in messages] == [
+    assert [deserialize_message(data, String).data for data, *_ in messages] == [
         'one', 'two', 'three']
     (info,) = ros.node.get_publishers_info_by_topic('text')
-    assert {gid for _, gid, _ in messages} == {bytes(info.endpoint_gid[:GID_SIZE]).hex()}
-    assert all(abs(received - time.time_ns()) < 60e9 for _, _, received in messages)
+    assert {gid for _, gid, *_ in messages} == {bytes(info.endpoint_gid[:GID_SIZE]).hex()}
+    assert all(abs(each - time.time_ns()) < 60e9 for _, _, *times in messages for each in times)
+
+
+def test_a_parameter_that_the_user_has_given(make_node):
+    """Its value may be the default."""
+    given = make_node('given', cli_args=['--ros-args', '-p', 'use_sim_time:=false'])
+    assert is_given(given, 'use_sim_time')
+    assert not is_given(make_node('other'), 'use_sim_time')
 
 
 def test_the_middleware_has_a_struct_for_a_subscription(strings):

@@ -157,6 +157,65 @@ def test_three_nodes_publish_the_clock():
     assert finding.evidence.startswith('/a, /b, /c all publish /clock: 2 and 2 and 2 messages')
 
 
+def test_a_clock_that_stands():
+    """In a paused simulation, frames do not move, and nothing else is said of them."""
+    still = [tf(i, 0, 'map odom') for i in range(0, 4000, 20)]
+    assert codes(still) == {'frozen_stamp'}
+    (finding,) = examine(observed(still, [], clocks=[sender('/gazebo', last=0)],
+                                  clock_stands=4.04, clock_nodes=['/gazebo'])).findings
+    assert (finding.code, finding.nodes) == ('clock_stands', ('/gazebo',))
+    assert finding.evidence == (
+        'the time on /clock of /gazebo has stood at 1700000000.000000000 s for 4.0 s')
+
+
+def test_a_slow_clock():
+    """At 5 Hz, it is mentioned; it is no fault."""
+    clock = sender('/bridge', last=0)
+    for time in range(200, 2001, 200):
+        clock.add(T + time * MS, T + time * MS)
+    clock.count -= 1  # the helper sends two messages at the begin
+    (finding,) = examine(observed(ROBOT, [], clocks=[clock])).findings
+    assert (finding.code, finding.severity) == ('slow_clock', 'info')
+    assert finding.evidence == (
+        '/bridge publishes /clock at 5.0 Hz: stamps are up to 0.2 s ahead of it')
+
+
+@pytest.mark.parametrize(('lead', 'ahead', 'others', 'severity', 'remedy'), [
+    (lambda i: 1000, {'/robot': -MS}, True, 'info', 'transform_tolerance'),
+    (lambda i: 1000, {'/robot': -MS}, False, 'warning', 'the clock of its computer is right.'),
+    (lambda i: 30 * i, {'/robot': -MS}, True, 'warning', 'clock of its computer is right.'),
+    (lambda i: 1000, {'/robot': 990 * MS}, True, 'warning',
+     'that of the sender is 0.99 s ahead, by the dates of its messages.'),
+    (lambda i: 1000, {}, True, 'warning', 'Compare the clocks of the computers'),
+    (lambda i: 37_000, {}, True, 'warning', 'Compare the clocks of the computers')])
+def test_stamps_of_the_future(lead, ahead, others, severity, remedy):
+    """They are right if the lead is constant, and the clock of the sender is right."""
+    content = [tf(i * 20, i * 20 + lead(i), 'map odom') for i in range(200)]
+    if others:
+        content += [tf(i * 20, i * 20, 'odom base') for i in range(200)]
+    (finding,) = examine(observed(content, [], ahead=ahead)).findings
+    assert (finding.code, finding.severity, finding.frames) == ('future', severity, ('odom',))
+    assert remedy in finding.remedy
+    assert ('TAI minus UTC' in finding.evidence) == (lead(0) == 37_000)
+
+
+@pytest.mark.parametrize(('stamp', 'words'), [
+    (lambda time: time - 315_964_782_000, 'the epoch of GPS minus that of Unix is as much'),
+    (lambda time: time + 2 * 3600 * 1000, '2 h, as of a time zone is as much'),
+    (lambda time: time - T // MS + 1_868_000,
+     'stamps near 0 count from the start of a device or a simulation'),
+    (lambda time: time - 1_000_000, '')])
+def test_stamps_of_another_clock(stamp, words):
+    """A known difference is said; use_sim_time is no cause if nothing publishes /clock."""
+    content = [tf(i * 20, stamp(i * 20), 'map odom') for i in range(200)]
+    (finding,) = examine(observed(content, [])).findings
+    assert finding.code == 'other_clock'
+    assert finding.evidence.endswith(f'; {words}' if words else '1699999003.980000000')
+    assert 'use_sim_time' not in finding.remedy
+    (finding,) = examine(observed(content, [], clocks=[sender('/gazebo')])).findings
+    assert 'use_sim_time' in finding.remedy
+
+
 def test_a_simulation_that_is_started_again():
     """One node publishes /clock after the other; the buffers were cleared, so nothing is old."""
     stamps = [40, 41, 2, 3, 4]

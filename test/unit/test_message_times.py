@@ -11,6 +11,7 @@ from recorded import header_of, judged, MS, observed, S, T, tf
 from puretf import TransformBuffer
 from puretf.bag import Headers
 from puretf_tools.doctor.message_times import CACHE, Verdict
+from puretf_tools.inspection.stamp_clock import StampClock
 
 STATIC = tf(0, 0, 'map odom', 'base laser', is_static=True)
 
@@ -93,8 +94,11 @@ def test_the_clock_of_a_live_system():
     """A stamp far from all transforms is from another clock only if it is far from now, too."""
     message = 200_000, 199_990  # the transforms ended long ago
     assert [*judged(robot(0, 1000), [message]).verdicts] == [Verdict.OTHER_CLOCK]
-    assert [*judged(robot(0, 1000), [message], clock_offset=0).verdicts] == [Verdict.END]
-    assert [*judged(robot(0, 1000), [message], clock_offset=-200 * S).verdicts] == [
+    clock = StampClock()
+    assert [*judged(robot(0, 1000), [message], stamp_clock=clock).verdicts] == [Verdict.END]
+    clock.is_simulated = True
+    clock.add(T + 200 * S, T)
+    assert [*judged(robot(0, 1000), [message], stamp_clock=clock).verdicts] == [
         Verdict.OTHER_CLOCK]
 
 

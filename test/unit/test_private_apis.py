@@ -24,7 +24,8 @@ SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transfo
 PRIVATE = {
     'puretf_tools/cli/parser.py': {'_option_string_actions'},  # argparse
     'puretf/_core/engine.py': {'_is_owned'},  # threading
-    'puretf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
+    'puretf/_ros/rclpy_private.py': {
+        '_parameter_overrides', 'rclpy.impl.implementation_singleton'},
     'puretf/_ros/transform_stamped.py': SLOTS,
     'puretf_tools/view/viser_private.py': {
         '_gui_input_handle_from_uuid', '_handle_incoming_message', '_impl', '_live_connections',

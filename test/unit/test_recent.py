@@ -8,6 +8,7 @@ import pytest
 from puretf._core.pose import Row
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.feeds import OtherTopic
+from puretf_tools.inspection.stamp_clock import StampClock
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -24,15 +25,15 @@ class Listener:
 
     def __init__(self):
         """Nobody has left."""
-        self.time, self.gone = T, set()
+        self.time, self.gone, self.clock, self.ahead = T, set(), StampClock(), {}
 
     def now(self):
         """Return the time (ns)."""
         return self.time
 
-    def clock_offset(self):
-        """Return 0: there is no simulated time."""
-        return 0
+    def clock_text(self):
+        """Return '': there is no simulated time."""
+        return ''
 
     def names_of(self, publishers):
         """Return the names of the nodes."""

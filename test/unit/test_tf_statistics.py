@@ -11,6 +11,7 @@ import pytest
 from puretf._wire import cdr
 from puretf.transform_table import transform_tables, TransformTable
 from puretf_tools.doctor.tf_statistics import Statistics
+from puretf_tools.inspection.stamp_clock import StampClock
 
 bags = pytest.importorskip('bags')
 S = bags.S
@@ -48,13 +49,27 @@ POSES = st.sampled_from([
 
 def test_a_clock_that_comes_late():
     """Until then, the times of arrivals are not known; afterwards, they are those of the clock."""
-    statistics = Statistics()
-    for i, offset in enumerate([None, None, 100 * S - T, 100 * S - T]):
+    clock = StampClock()
+    clock.is_simulated = True
+    statistics = Statistics(clock=clock)
+
+    def count(i):
         statistics.add_messages([recorded(
-            T + i * S, cdr.pack([bags.row(100 * S, 'map', 'odom', bags.STILL)]))], offset)
+            T + i * S, cdr.pack([bags.row(100 * S, 'map', 'odom', bags.STILL)]))])
+
+    count(0)
+    count(1)
+    for i in 2, 3:
+        clock.add(T + i * S, (100 + i) * S)
+        count(i)
     (track,) = statistics.tracks()
     assert (track['first_time'], track['last_time']) == (102 * S, 103 * S)
     assert (track['delays'], track['least_delay']) == (2, 2 * S)
+    clock.is_simulated = False
+    count(4)  # delays on another clock are discarded
+    (track,) = statistics.tracks()
+    assert (track['count'], track['delays'], track['foreign']) == (5, 1, 1)
+    assert track['first_time'] == T + 4 * S
 
 
 @given(st.lists(st.tuples(TENTHS, TENTHS, POSES), min_size=1, max_size=30),

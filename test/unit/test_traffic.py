@@ -9,6 +9,7 @@ import pytest
 from puretf import Frame
 from puretf._core.pose import Row
 from puretf._wire import cdr
+from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import (
     Counts,
     NodeTraffic,
@@ -39,16 +40,30 @@ def rows_of(traffic, frame=None):
     return {(row.frame, row.node): row for row in traffic.by_node(listener, frame)}
 
 
+class Clock(StampClock):
+    """A clock that the tests set: `system_time`, and `time` of the stamps (ns)."""
+
+    system_time = time = NOW
+
+    def __init__(self):
+        """Begin at NOW."""
+        super().__init__(lambda: self.system_time)
+
+    def at(self, arrivals):
+        """Convert times of the system clock (ns)."""
+        return arrivals + self.time - self.system_time if self.time else None
+
+
 @pytest.fixture
 def clock():
-    """The time of the system, and of the stamps: `clock.system`, `clock.now` (ns)."""
-    return SimpleNamespace(system=NOW, now=NOW)
+    """The time of the system, and of the stamps."""
+    return Clock()
 
 
 @pytest.fixture
 def traffic(clock):
     """Statistics on this clock."""
-    return Traffic(lambda: clock.now, system_clock=lambda: clock.system)
+    return Traffic(clock)
 
 
 @pytest.mark.parametrize(('count', 'first', 'last', 'hertz'), [
@@ -64,13 +79,13 @@ def test_delays_over_the_window(clock, traffic):
     """Average and maximum cover the last ten seconds only."""
     traffic.observe([message('/a', NOW, 'odom', stamp=NOW - 9 * S)])
     for i in range(20 * 50):
-        clock.now = clock.system = NOW + 5 * S + i * 20 * MS
-        traffic.observe([message('/a', clock.now, 'odom', stamp=clock.now - (i % 4) * MS)])
+        clock.time = clock.system_time = NOW + 5 * S + i * 20 * MS
+        traffic.observe([message('/a', clock.time, 'odom', stamp=clock.time - (i % 4) * MS)])
     summary = rows_of(traffic)['odom', '/a'].summary
     assert summary.rate == pytest.approx(50.0)
     assert summary.average_delay == pytest.approx(0.0015, abs=1e-5)
     assert summary.maximum_delay == pytest.approx(0.003)
-    clock.now = clock.system = clock.now + 12 * S
+    clock.time = clock.system_time = clock.time + 12 * S
     assert rows_of(traffic)['odom', '/a'].summary is None
     assert rows_of(traffic)['odom', '/a'].silence == 12.0
 
@@ -119,13 +134,13 @@ def test_traffic_of_frames_and_of_nodes(clock, traffic):
     assert found['cup', '/other'].summary.maximum_delay == 0.008
     assert not found['', '/robot'].is_static
     assert found['', '/robot'].silence == 0.0
-    clock.now += 2 * S
+    clock.time += 2 * S
     assert rows_of(traffic)['odom', '/robot'].silence == 2.0
 
 
 def test_the_time_of_arrival_is_on_the_clock_of_the_stamps(clock, traffic):
     """In simulated time, a delay is the simulated one."""
-    clock.now = 100 * S
+    clock.time = 100 * S
     traffic.observe([message('/a', NOW - S, 'odom')])
     traffic.observe([message('/a', NOW - 2 * MS, 'odom', stamp=100 * S - 5 * MS)])
     assert rows_of(traffic)['odom', '/a'].summary == Summary(None, 0.003, 0.003)
@@ -170,18 +185,18 @@ def test_a_name_that_is_too_long_is_not_counted(traffic):
 
 def test_time_that_is_set_back(clock, traffic):
     """Earlier statistics are discarded; messages that were in transit then are not counted."""
-    clock.now = 1000 * S
+    clock.time = 1000 * S
 
     def observe(stamp):
-        traffic.observe([message('/a', clock.system, 'odom', stamp=stamp)])
+        traffic.observe([message('/a', clock.system_time, 'odom', stamp=stamp)])
 
     observe(1000 * S)
-    clock.system += 250 * MS
-    late = message('/a', clock.system, 'odom', stamp=1000 * S)
+    clock.system_time += 250 * MS
+    late = message('/a', clock.system_time, 'odom', stamp=1000 * S)
     observe(1000 * S)
     assert rows_of(traffic)['odom', '/a'].summary == Summary(None, 0.0, 0.0)
-    clock.now = 5 * S
-    clock.system += MS
+    clock.time = 5 * S
+    clock.system_time += MS
     assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
     traffic.observe([late])
     assert rows_of(traffic)['odom', '/a'].summary is None
@@ -191,7 +206,7 @@ def test_time_that_is_set_back(clock, traffic):
 
 def test_a_clock_that_does_not_run(clock, traffic):
     """Dynamic transforms are not shown as static; they have no delay."""
-    clock.now = 0
+    clock.time = 0
     traffic.observe([message('/a', NOW + i * S, 'odom') for i in range(3)])
     assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
 

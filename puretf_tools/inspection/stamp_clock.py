@@ -1,0 +1,90 @@
+"""The clock by which arrivals are compared with stamps: /clock, or that of the computer."""
+
+from array import array
+from collections.abc import Callable, Sequence
+from time import time_ns
+from typing import Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import SECOND
+
+#: A stamp that is farther than this from the time of arrival (ns) is from another clock.
+OTHER_CLOCK = 60 * SECOND
+#: For how long, at most, messages wait for the choice of the clock (s).
+PATIENCE = 5.0
+#: The largest number of times of /clock that are kept, and from how many its pace is computed.
+_MOST, _PACE = 20_000, 10
+
+
+class StampClock:
+    """
+    The clock of the stamps; that of the computer, unless `is_simulated` is set.
+
+    Between two messages of /clock, its time is interpolated, since /clock can be slow.
+    """
+
+    def __init__(self, system: Callable[[], int] = time_ns) -> None:
+        self.system = system  #: returns the time of the system clock (ns)
+        self.is_simulated = False  #: whether it is /clock
+        #: When messages of /clock arrived (ns, on the system clock), and their times (ns).
+        self._arrivals, self._times = array('q'), array('q')
+        self._begin = 0  # the index of the first one after the last jump
+
+    def add(self, arrival: int, time: int) -> None:
+        """Add a message of /clock."""
+        if len(self._times) > _MOST:
+            del self._arrivals[:_MOST // 2], self._times[:_MOST // 2]
+            self._begin = max(0, self._begin - _MOST // 2)
+        if self._times and not 0 <= time - self._times[-1] < OTHER_CLOCK:
+            # A jump: until this message, time has stood.
+            self._arrivals.append(arrival - 1)
+            self._times.append(self._times[-1])
+            self._begin = len(self._times)
+        self._arrivals.append(arrival)
+        self._times.append(time)
+
+    def at(self, arrivals: NDArray[np.int64]) -> Optional[NDArray[np.int64]]:
+        """Convert (n,) times of the system clock to this clock (ns); None: it is not known."""
+        if self.is_simulated:
+            return self._simulated(arrivals)
+        return arrivals
+
+    def now(self) -> int:
+        """Return the present time (ns); 0: not known, as nothing has arrived on /clock."""
+        now = self.at(np.array([self.system()]))
+        return 0 if now is None else int(now[0])
+
+    def choice(self, stamps: Sequence[int]) -> Optional[bool]:
+        """
+        Return whether most stamps fit /clock, and not the system clock; None: it is not known.
+
+        :param stamps: the newest stamp of each frame (ns).
+        """
+        values, system = np.array(stamps, np.int64), self.system()
+        distances = np.abs(system - values)
+        now = self._simulated(np.array([system]))
+        if now is None:
+            return False if 2 * (distances <= SECOND).sum() > len(values) else None
+        to_clock = np.abs(now - values)
+        fits_clock = (to_clock <= OTHER_CLOCK) & (to_clock + SECOND < distances)
+        fits_system = (distances <= OTHER_CLOCK) & ~fits_clock
+        if not (fits_clock | fits_system).any():
+            return None
+        return bool(fits_clock.sum() > fits_system.sum())
+
+    def _simulated(self, arrivals: NDArray[np.int64]) -> Optional[NDArray[np.int64]]:
+        if not self._times:
+            return None
+        known, times = np.array(self._arrivals), np.array(self._times)
+        first = max(self._begin, len(known) - _PACE)
+        steps, span = len(known) - 1 - first, int(known[-1] - known[first])
+        pace, patience = ((times[-1] - times[first]) / span, 2 * span // steps) if span else (
+            1.0, SECOND)
+        after = (arrivals - known[-1]).clip(0, patience)
+        before = (known[0] - arrivals).clip(0)
+        # Differences, since floats have no room for dates in nanoseconds.
+        return np.asarray(times[0] + np.rint(
+            np.interp(arrivals - known[0], known - known[0], times - times[0])
+            + pace * (after - before)).astype(np.int64))
