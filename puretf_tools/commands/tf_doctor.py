@@ -212,6 +212,7 @@ class _Listening:
         if not self.listener.knows_clock():
             with suppress(KeyboardInterrupt):
                 wait(PATIENCE, 'waiting for /clock', self.listener.knows_clock)
+            self.listener.patience = 0.0
         self.poll()
 
 

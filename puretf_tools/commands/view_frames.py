@@ -47,7 +47,7 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
 
 
 def _age(now: int, stamp: int) -> str:
-    if not now:  # the clock of the node waits for /clock
+    if not now or not stamp:  # nothing has arrived on /clock
         return '? s old'
     seconds = in_seconds(now - stamp)
     return f'{seconds:.3f} s old' if seconds > -0.0005 else f'{-seconds:.3f} s ahead'

@@ -738,13 +738,14 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
         'publishes /clock.', section='use_sim_time and the wall clock')
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     if observation.clock_stands:
-        time = [f' at {exact_time(sender.stamp)} s' for sender in observation.clocks[-1:]]
+        nodes, stamps = observation.clock_nodes, [each.stamp for each in observation.clocks]
+        what = (f'the time on /clock of {_names(nodes)} has stood at {exact_time(stamps[-1])} s'
+                if stamps else f'nothing has arrived on /clock from {_names(nodes)}')
         explains = [code for code in CHECKS if code.startswith('message_')]
         yield _Fault(
-            f'the time on /clock of {_names(observation.clock_nodes)} has stood'
-            f'{"".join(time)} for {observation.clock_stands:.1f} s', (), (), ['/clock'],
-            observation.clock_nodes, explains=dict.fromkeys(
-                [*explains, 'frozen_stamp', 'zero_stamp', 'gap', 'late', 'one_shot'], None))
+            f'{what} for {observation.clock_stands:.1f} s', (), (), ['/clock'], nodes,
+            explains=dict.fromkeys([*explains, 'frozen_stamp', 'gap', 'late', 'one_shot', *(
+                ['zero_stamp'] if stamps[-1:] == [0] else [])], None))
 
 
 @_check('use_sim_time_differs', WARNING,
@@ -1097,7 +1098,8 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
         period = (sender.last - sender.first) / max(1, sender.count - 1)
         if sender.count > 2 and period > _SLOW_CLOCK:
             yield _Fault(f'{sender.node} publishes /clock at {SECOND / period:.1f} Hz: stamps are '
-                         f'up to {in_words(period)} ahead of it', (), (), ['/clock'], [sender.node])
+                         f'up to {in_words(period)} ahead of it', (), (), ['/clock'],
+                         [sender.node])
 
 
 @_check('several_trees', INFO,

@@ -29,6 +29,7 @@ class FrameListener(PublisherListener):
         self.clock = self.clock_sampler.clock  #: that of the stamps
         self._held: list[ReceivedMessage] = []
         self._since = self._next_choice = 0.0
+        self.patience = PATIENCE  #: how long, at most, they wait for the choice of the clock (s)
         #: By publisher: by how much the clock of its computer is ahead (ns), by its messages.
         self.ahead: dict[str, int] = {}
         super().__init__(Buffer(Duration(seconds=seconds), node), node)
@@ -69,8 +70,8 @@ class FrameListener(PublisherListener):
         choice, self._since = self.clock.choice(stamps), self._since or now
         if choice is not None:
             self.clock.is_simulated = choice
-        elif not self._next_choice and len(self._held) < _MOST_HELD and now < self._since + (
-                PATIENCE if self.node.count_publishers(TOPIC) else _DISCOVERY):
+        elif not self._next_choice and len(self._held) < _MOST_HELD and now < self._since + min(
+                self.patience, PATIENCE if self.node.count_publishers(TOPIC) else _DISCOVERY):
             return False
         self._next_choice = now + _INTERVAL
         return True
@@ -79,8 +80,9 @@ class FrameListener(PublisherListener):
         """Return the messages since the last call, as `received`, once their clock is known."""
         messages, dropped = self.received()
         for message in messages:
-            ahead = message.sent - message.time
-            self.ahead[message.publisher] = max(ahead, self.ahead.get(message.publisher, ahead))
+            if message.sent:
+                ahead, gid = message.sent - message.time, message.publisher
+                self.ahead[gid] = max(ahead, self.ahead.get(gid, ahead))
         self._held += messages
         if not self.knows_clock():
             return Received([], dropped)

@@ -66,7 +66,7 @@ class StampClock:
         distances = np.abs(system - values)
         now = self._simulated(np.array([system]))
         if now is None:
-            return False if 2 * (distances <= SECOND).sum() > len(values) else None
+            return False if 2 * (distances <= SECOND).sum() >= len(values) else None
         to_clock = np.abs(now - values)
         fits_clock = (to_clock <= OTHER_CLOCK) & (to_clock + SECOND < distances)
         fits_system = (distances <= OTHER_CLOCK) & ~fits_clock
