@@ -336,10 +336,11 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
         if not buffer.frame_names():
             return explanation._replace(
                 why_not=f'No transform has been received. {listener.why_nothing()}')
-        now = listener.now()
+        now, clock = listener.now(), listener.clock_text()
     if not explanation.stamp or stamp:
         return explanation
-    return explanation._replace(age=_age(now, explanation.stamp))
+    return explanation._replace(
+        age=_age(now, explanation.stamp) + (f' ({clock})' if clock else ''))
 
 
 def _age(now: int, stamp: int) -> str:

@@ -446,7 +446,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
             f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
             f'{_known_offset(observation, delay, worst["stamp"])}', tracks,
-            remedy=_clock_remedy(observation, tracks))
+            remedy=_clock_remedy(observation, worst['stamp'], tracks))
 
 
 #: Differences of clocks (s), and what they are.
@@ -461,7 +461,7 @@ def _known_offset(observation: Observation, offset: float, stamp: int) -> str:
     """Say what an offset of stamps (ns) is; '' if it is none of the known ones."""
     seconds, hours = abs(offset) / SECOND, round(abs(offset) / SECOND / 3600)
     zone = {hours * 3600: f'{hours} h, as of a time zone'} if 0 < hours <= _MOST_HOURS else {}
-    if 0 < stamp < _FIRST_DATE and not observation.clocks:
+    if 0 < stamp < _FIRST_DATE and not _fits_clock(observation, stamp):
         return '; stamps near 0 count from the start of a device or a simulation'
     return next((f'; {name} is as much' for value, name in (_OFFSETS | zone).items()
                  if abs(seconds - value) < (60.0 if value > 10**8 else 1.0)), '')
@@ -473,10 +473,22 @@ def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int
                  if track.publisher in observation.ahead), None)
 
 
-def _clock_remedy(observation: Observation, tracks: Iterable[Track] = ()) -> str:
+def _fits_clock(observation: Observation, stamp: int) -> bool:
+    """Return whether /clock is published, and a stamp fits it or the system clock."""
+    return any(abs(stamp - time) <= OTHER_CLOCK for sender in observation.clocks
+               for time in (sender.stamp, sender.last))
+
+
+def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] = ()) -> str:
     """Return what to do about stamps of another clock; '': that of the check."""
-    if observation.clocks:
-        return 'Set use_sim_time in all nodes (--ros-args -p use_sim_time:=true), or in none.'
+    if _fits_clock(observation, stamp):
+        return ('Let all nodes, and this command, use one clock: set use_sim_time in all of them, '
+                'or in none.')
+    return _synchronise(observation, tracks)
+
+
+def _synchronise(observation: Observation, tracks: Iterable[Track]) -> str:
+    """Return that the clocks of the computers differ; '': this is not known."""
     ahead = _ahead_of(observation, tracks)
     if ahead is None or abs(ahead) <= FUTURE:
         return ''
@@ -541,7 +553,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{exact_time(stamp)}, {in_words(stamp - newest)} '
             f'{"before" if stamp < newest else "after"} the newest transform'
             f'{_known_offset(observation, stamp - int(topic.arrivals[found][-1]), stamp)}',
-            _clock_remedy(observation))
+            _clock_remedy(observation, stamp))
 
 
 @_check('message_too_old', ERROR,
@@ -937,7 +949,7 @@ def _future(observation: Observation) -> Iterator[_Fault]:
                          remedy='This is right if the node dates its transforms into the future '
                          'on purpose, as localisation does (transform_tolerance).', severity=INFO)
         else:
-            yield _Fault(text, tracks, remedy=_clock_remedy(observation, tracks) or (
+            yield _Fault(text, tracks, remedy=_synchronise(observation, tracks) or (
                 'Look at how the node dates its transforms: the clock of its computer is right.'
                 if is_synchronised else ''))
 

@@ -145,6 +145,23 @@ def test_in_place_on_a_terminal(ros):
     assert first[-1] == '... 14 more lines (pipe the output to see all)'  # there are 36 lines
 
 
+def test_stamps_that_fit_the_clock(ros):
+    """Delays are those in the time of /clock, without use_sim_time."""
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    broadcaster = TransformBroadcaster(ros.node)
+
+    def tick():
+        clock.publish(Clock(clock=Time(seconds=1000).to_msg()))
+        broadcaster.sendTransform(stamped('map', 'odom', 9992 * S // 10))
+
+    ros.node.create_timer(0.02, tick)
+    with ros.spinning():
+        result = call(main, domain=ros.domain, until=lambda text: re.search(
+            r'times are those of /clock, published by /test\n(.+\n|\n)*'
+            r'  odom +\S+ Hz +0\.800000 s +0\.800000 s +/test\n', text))
+    assert result.code == 0
+
+
 def test_sim_time_that_is_set_back(ros):
     """The delay of the path before that is forgotten."""
     clock = ros.node.create_publisher(Clock, '/clock', 10)

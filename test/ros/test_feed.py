@@ -5,7 +5,9 @@ from time import monotonic
 
 from processes import TIMEOUT
 import pytest
+from rclpy.time import Time
 from ros_node import eventually, LATCHED, stamped
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
@@ -92,6 +94,27 @@ def test_what_is_wrong_is_found(ros, make_node):
     # On a busy machine, there may be others, such as a gap.
     assert feed.verdict == f'{len(feed.findings)} findings in the last 30 s'
     assert ros.node.count_subscribers('/tf') == 1
+
+
+def test_a_simulation(ros):
+    """Stamps that fit /clock are compared with it."""
+    feed, begin = LiveFeed(ros.node), ros.node.get_clock().now().nanoseconds
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    broadcaster = TransformBroadcaster(ros.node)
+
+    def send():
+        stamp = ros.node.get_clock().now().nanoseconds - begin + 100 * 10**9
+        clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+        broadcaster.sendTransform(stamped('map', 'robot', stamp))
+
+    def is_found():
+        feed.watch(monotonic())
+        return feed.verdict.endswith(
+            ' in the last 30 s; times are those of /clock, published by /test')
+
+    ros.node.create_timer(0.02, send)
+    ros.until(is_found)
+    assert 'other_clock' not in {each.code for each in feed.findings}
 
 
 def test_a_middleware_that_does_not_report_gids(handles, publication):

@@ -212,8 +212,10 @@ def test_stamps_of_another_clock(stamp, words):
     assert finding.code == 'other_clock'
     assert finding.evidence.endswith(f'; {words}' if words else '1699999003.980000000')
     assert 'use_sim_time' not in finding.remedy
-    (finding,) = examine(observed(content, [], clocks=[sender('/gazebo')])).findings
-    assert 'use_sim_time' in finding.remedy
+    for ahead, remedy in (stamp(0), True), (10**9, False):
+        clocks = [sender('/gazebo', last=3980, ahead=ahead)]
+        (finding,) = examine(observed(content, [], clocks=clocks)).findings
+        assert ('use_sim_time' in finding.remedy) == remedy
 
 
 def test_a_simulation_that_is_started_again():
