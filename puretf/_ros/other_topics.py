@@ -126,7 +126,7 @@ class TransformSampler:
                         node, TFMessage, topic, lambda _: None,
                         _LATCHED if is_latched else _OTHER, node.default_callback_group)
                     self._subscriptions[topic, is_latched] = subscription, taker(
-                        subscription.handle, lambda data, gid, _: (data, gid))
+                        subscription.handle, lambda data, gid, *_: (data, gid))
 
 
 class Ear:

@@ -43,14 +43,14 @@ class _PlainTaker(Generic[_Taken]):
 
     has_gids = has_reception_times = False
 
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int], _Taken]) -> None:
+    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
         self._handle, self._make = handle, make
 
     def take(self, max_messages: int) -> list[_Taken]:
-        return [self._make(data, '', 0) for data, _ in take_bytes(self._handle, max_messages)]
+        return [self._make(data, '', 0, 0) for data, _ in take_bytes(self._handle, max_messages)]
 
 
-def taker(handle: Any, make: Callable[[bytes, str, int], _Taken]
+def taker(handle: Any, make: Callable[[bytes, str, int, int], _Taken]
           ) -> Union[Taker[_Taken], _PlainTaker[_Taken]]:
     """Return what takes messages of a subscription: see `Taker`."""
     return (Taker if rcl_take() else _PlainTaker)(handle, make)

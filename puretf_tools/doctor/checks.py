@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, combinations, pairwise
-from math import ceil
+from math import ceil, isfinite
 from operator import attrgetter, itemgetter
 from types import MappingProxyType
 from typing import NamedTuple, Optional
@@ -21,6 +21,7 @@ from puretf import (
     suggest_names,
     TF_MESSAGE,
 )
+from puretf._causes.clocks import known_offset, SINCE_START
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
 from puretf_tools.doctor.tf_statistics import (
@@ -449,22 +450,12 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             remedy=_clock_remedy(observation, worst['stamp'], tracks))
 
 
-#: Differences of clocks (s), and what they are.
-_OFFSETS = {37: 'TAI minus UTC', 18: 'GPS time minus UTC',
-            315_964_800: 'the epoch of GPS minus that of Unix'}
-_MOST_HOURS = 14
-#: Earlier stamps (ns) are no date.
-_FIRST_DATE = 10**8 * SECOND
-
-
-def _known_offset(observation: Observation, offset: float, stamp: int) -> str:
-    """Say what an offset of stamps (ns) is; '' if it is none of the known ones."""
-    seconds, hours = abs(offset) / SECOND, round(abs(offset) / SECOND / 3600)
-    zone = {hours * 3600: f'{hours} h, as of a time zone'} if 0 < hours <= _MOST_HOURS else {}
-    if 0 < stamp < _FIRST_DATE and not _fits_clock(observation, stamp):
+def _known_offset(observation: Observation, delay: float, stamp: int) -> str:
+    """Say what a delay of stamps (ns) is, if it is known as an offset of clocks."""
+    if 0 < stamp < SINCE_START and not _fits_clock(observation, stamp):
         return '; stamps near 0 count from the start of a device or a simulation'
-    return next((f'; {name} is as much' for value, name in (_OFFSETS | zone).items()
-                 if abs(seconds - value) < (60.0 if value > 10**8 else 1.0)), '')
+    name = known_offset(round(-delay)) if isfinite(delay) else ''
+    return f' ({name})' if name else ''
 
 
 def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int]:
@@ -552,7 +543,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
             observation, topic, found, 'have stamps of another clock; the last is '
             f'{exact_time(stamp)}, {in_words(stamp - newest)} '
             f'{"before" if stamp < newest else "after"} the newest transform'
-            f'{_known_offset(observation, stamp - int(topic.arrivals[found][-1]), stamp)}',
+            f'{_known_offset(observation, int(topic.arrivals[found][-1]) - stamp, stamp)}',
             _clock_remedy(observation, stamp))
 
 

@@ -196,12 +196,12 @@ def test_stamps_of_the_future(lead, ahead, others, severity, remedy):
     (finding,) = examine(observed(content, [], ahead=ahead)).findings
     assert (finding.code, finding.severity, finding.frames) == ('future', severity, ('odom',))
     assert remedy in finding.remedy
-    assert ('TAI minus UTC' in finding.evidence) == (lead(0) == 37_000)
+    assert ('TAI is 37 s ahead of UTC' in finding.evidence) == (lead(0) == 37_000)
 
 
 @pytest.mark.parametrize(('stamp', 'words'), [
-    (lambda time: time - 315_964_782_000, 'the epoch of GPS minus that of Unix is as much'),
-    (lambda time: time + 2 * 3600 * 1000, '2 h, as of a time zone is as much'),
+    (lambda time: time - 315_964_782_000, '(the GPS epoch)'),
+    (lambda time: time + 2 * 3600 * 1000, '(2 hours, as between time zones)'),
     (lambda time: time - T // MS + 1_868_000,
      'stamps near 0 count from the start of a device or a simulation'),
     (lambda time: time - 1_000_000, '')])
@@ -210,7 +210,7 @@ def test_stamps_of_another_clock(stamp, words):
     content = [tf(i * 20, stamp(i * 20), 'map odom') for i in range(200)]
     (finding,) = examine(observed(content, [])).findings
     assert finding.code == 'other_clock'
-    assert finding.evidence.endswith(f'; {words}' if words else '1699999003.980000000')
+    assert finding.evidence.endswith(words or '1699999003.980000000')
     assert 'use_sim_time' not in finding.remedy
     for ahead, remedy in (stamp(0), True), (10**9, False):
         clocks = [sender('/gazebo', last=3980, ahead=ahead)]
