@@ -6,8 +6,8 @@ from puretf._text.times import SECOND
 SINCE_START = 100_000_000 * SECOND
 #: By name: an offset and its tolerance (s). TAI and GPS time are ahead of UTC; the sources are
 #: Bulletin C of the IERS (TAI-UTC = 37 s since 2017) and IS-GPS-200 (GPS epoch: 1980-01-06).
-_OFFSETS = {'TAI is 37 s ahead of UTC': (37.0, 0.1),
-            'GPS time is 18 s ahead of UTC': (18.0, 0.1),
+_OFFSETS = {'TAI - UTC': (37.0, 0.1),
+            'GPS - UTC': (18.0, 0.1),
             'the GPS epoch': (315_964_800.0, 60.0)}
 _HOUR, _MOST_HOURS = 3600, 14
 #: What is stamped arrives up to this time (s) later.
@@ -19,11 +19,11 @@ def known_offset(offset: int) -> str:
     Return what an offset (ns) of a stamp from a clock is known for; '' if it is nothing special.
 
     >>> known_offset(-37 * SECOND), known_offset(8 * 3600 * SECOND), known_offset(SECOND)
-    ('TAI is 37 s ahead of UTC', '8 hours, as between time zones', '')
+    ('TAI - UTC', '8 hours: a time zone', '')
     """
     seconds, sign = abs(offset) / SECOND, -1 if offset < 0 else 1
     hours = round(seconds / _HOUR)
-    offsets = {**_OFFSETS, f'{hours} hour{"s" * (hours > 1)}, as between time zones': (
+    offsets = {**_OFFSETS, f'{hours} hour{"s" * (hours > 1)}: a time zone': (
         hours * _HOUR, 0.1)} if 1 <= hours <= _MOST_HOURS else _OFFSETS
     return next((name for name, (known, tolerance) in offsets.items()
                  if -tolerance <= (known - seconds) * sign <= tolerance + _LATENCY), '')

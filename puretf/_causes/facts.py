@@ -66,6 +66,7 @@ class Surroundings(NamedTuple):
 
     now: Optional[int] = None  #: the time of the node (ns); 0: /clock has not arrived
     is_simulated: bool = False  #: whether the clock of the node is simulated
+    system_now: int = 0  #: the time of the system clock (ns)
     clock_nodes: Optional[Sequence[str]] = None  #: the nodes that publish on /clock
     #: The topics of the listener: of static transforms, and of dynamic ones. Empty: there is no
     #: listener, so nothing is known of publishers.

@@ -7,6 +7,7 @@ from typing import Optional
 from puretf._causes.clocks import known_offset, SINCE_START
 from puretf._causes.facts import (
     CLEARED,
+    Edge,
     Facts,
     FUTURE,
     Heard,
@@ -357,12 +358,13 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     if around.clock_nodes:
         return
-    waiting = sorted({each.node for each in around.publishers or ()
-                      if around.waits_for.get(each.node) == '/clock'})
+    waiting = {each.node for each in around.publishers or ()
+               if around.waits_for.get(each.node) == '/clock'}
     if around.is_simulated and around.now == 0:
         yield Evidence('use_sim_time is set in this node, but nothing publishes /clock')
-    elif facts.symptom in _NO_DATA and waiting:
-        yield Evidence(f'{_listed(waiting)} waits for /clock, which nothing publishes')
+    elif facts.symptom in _NO_DATA and waiting and not facts.has_near_name and (
+            silent := sorted(waiting - {node for each in facts.heard for node in each.nodes})):
+        yield Evidence(f'{_listed(silent)} waits for /clock, which nothing publishes')
 
 
 @_rule('joint_without_state', '{remedy}', 'A frame does not exist', symptoms=_NO_DATA,
@@ -370,14 +372,14 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
 def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
     for each in facts.around.publishers or ():
         topic = facts.around.waits_for.get(each.node, '/clock')
-        if topic != '/clock':
+        if topic != '/clock' and not facts.has_near_name:
             others = [name for name in facts.around.joint_states if name != topic]
             where = (f'; joint states are on {_listed(others)} of '
                      f'{_listed(facts.around.joint_states[others[0]])}' if others else '')
             yield Evidence(
                 f'{shortened(each.node)} waits for {topic}, which nothing publishes{where}',
                 {'remedy': f'Remap one of them: -r {topic}:={shortened(others[0])}.' if others else
-                 f'Start a program that publishes {topic}.'})
+                 f'If a joint moves the frame, start a program that publishes {topic}.'})
             return
 
 
@@ -469,16 +471,17 @@ def arrives(facts: Facts) -> bool:
 def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
     if facts.around.clock_nodes and (which := _which_is_off(facts)):
         nodes = facts.around.clock_nodes
-        yield Evidence(f'{which[1]}, and {_listed(nodes)} publish{"es" * (len(nodes) == 1)} '
+        yield Evidence(f'{which}, and {_listed(nodes)} publish{"es" * (len(nodes) == 1)} '
                        '/clock')
 
 
-@_rule('message_other_clock', 'Correct the clock that has stamped it.',
+@_rule('message_other_clock', 'If a message has it, correct the clock of its sender.',
        'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'listener'),
        explains=('too_soon', 'cache_too_short', 'other_clock'))
 def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, now = facts.edge, facts.around.now
-    if not edge or not now or not arrives(facts) or _is_data_off(facts):
+    if not edge or not now or facts.around.is_simulated or not arrives(facts) or (
+            _is_data_off(facts)):
         return
     offset = facts.time - now + round(facts.waited.seconds * SECOND if facts.waited else 0)
     is_named = known_offset(offset) or facts.time < SINCE_START < now
@@ -488,21 +491,25 @@ def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
                        'the data are in time')
 
 
-@_rule('other_clock', 'Synchronise the clocks of the computers.',
+@_rule('other_clock', '{remedy}',
        'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'listener'),
        explains=('too_soon', 'cache_too_short'))
 def _other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, around = facts.edge, facts.around
     if edge and around.now and not around.is_simulated and arrives(facts) and (
             _is_data_off(facts) and abs(facts.time - around.now) <= OTHER_CLOCK):
-        yield Evidence('The data are on another clock than that of this node: '
-                       f'{_apart(data_offset(facts), edge.latest)} it')
+        is_bag = any('rosbag2_player' in each.node for each in around.publishers or ())
+        yield Evidence(
+            'The data are on another clock than that of this node: '
+            f'{_apart(data_offset(facts), edge.latest)} it',
+            {'remedy': 'Play the bag with --clock, and set use_sim_time.' if is_bag else
+             'Correct the clock that stamps them: synchronise the computers.'})
 
 
 def _apart(offset: int, stamp: int) -> str:
     """Return how far a stamp is from a clock, and what such an offset is."""
     name = known_offset(offset) or (
-        'as of a clock that begins when it is switched on' if 0 <= stamp < SINCE_START else '')
+        'counted since power-on' if 0 <= stamp < SINCE_START else '')
     return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
             f'{"ahead of" if offset > 0 else "behind"}')
 
@@ -513,26 +520,27 @@ def data_offset(facts: Facts) -> int:
     return facts.edge.latest + facts.edge.silence - facts.around.now
 
 
-#: Stamps may be so far (ns) ahead of the clock on purpose, or behind since they are computed late.
-_ON_PURPOSE = 5 * SECOND
+#: Stamps may be so far (ns) behind the clock, since they are computed late, or ahead on purpose.
+_LATE, _ON_PURPOSE = 3 * SECOND, 5 * SECOND
 
 
 def _is_data_off(facts: Facts) -> bool:
-    return not -OTHER_CLOCK <= data_offset(facts) <= _ON_PURPOSE
+    return not -_LATE <= data_offset(facts) <= _ON_PURPOSE
 
 
-def _which_is_off(facts: Facts) -> Optional[tuple[bool, str]]:
-    """Return which of time and data is not on the clock of the node, if it is one of them."""
+def _which_is_off(facts: Facts) -> str:
+    """Return which of time and data is not on the clock of the node; '' if it is not known."""
     edge, now = facts.edge, facts.around.now
     if not edge or not now or abs(facts.time - edge.latest) <= OTHER_CLOCK:
-        return None
+        return ''
     clock = f"the {'simulated' if facts.around.is_simulated else 'system'} clock of this node"
     is_time = abs(facts.time - now) <= OTHER_CLOCK
     is_data = edge.oldest - OTHER_CLOCK <= now <= edge.latest + edge.silence + OTHER_CLOCK
-    if is_time == is_data:
-        return None
-    return is_time, (f'The requested time is on {clock}, the data are not' if is_time else
-                     f'The data are on {clock}, the requested time is not')
+    # An old time is on no other clock, unless it fits one.
+    is_other = (facts.time < SINCE_START if not facts.around.is_simulated else
+                abs(facts.time - facts.around.system_now) <= OTHER_CLOCK)
+    return (f'The requested time is on {clock}, the data are not' if is_time and not is_data else
+            f'The data are on {clock}, the requested time is not' if is_data and is_other else '')
 
 
 @_rule('gap', 'Start {node} again.', 'Extrapolation into the future', symptoms=(FUTURE,),
@@ -569,7 +577,7 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
     if not edge or not edge.has_dropped:
         return
     age = edge.latest - facts.time
-    if edge.cache_time < age <= _LONGEST_CACHE:
+    if age <= _LONGEST_CACHE and not _is_full(edge):
         remedy = f'pass cache_time={ceil(age / SECOND) + 1} s to the buffer, or look up sooner'
         yield Evidence(
             f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
@@ -577,11 +585,16 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
              if facts.around.now else f'P{remedy[1:]}.'})
 
 
+def _is_full(edge: Edge) -> bool:
+    """Return whether transforms were dropped that are not older than the cache time."""
+    return edge.latest - edge.oldest < edge.cache_time - 2 * edge.period - RECENT
+
+
 @_rule('too_many_samples', 'Pass a larger max_samples to the buffer.',
        'Extrapolation into the past', symptoms=(PAST,), is_on_wire=False)
 def _too_many_samples(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
-    if edge and edge.has_dropped and edge.latest - facts.time <= edge.cache_time:
+    if edge and edge.has_dropped and _is_full(edge):
         yield Evidence('Its earlier transforms have been dropped before the cache time was over')
 
 

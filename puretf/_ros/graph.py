@@ -5,6 +5,7 @@ from functools import partial
 from inspect import currentframe
 import os
 import sys
+from time import time_ns
 from types import FrameType
 from typing import Optional
 from weakref import WeakKeyDictionary
@@ -76,7 +77,7 @@ def surroundings(
               *['/clock'] * (not clock_nodes)]
     return Surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
-        clock_nodes, topics, publishers,
+        time_ns(), clock_nodes, topics, publishers,
         is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
         is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
             each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),

@@ -94,7 +94,7 @@ FAULTY = [
     *(clock_off(offset, 'message_other_clock', words=(word, SCAN_OF_LIDAR), begin=begin)
       for offset, word in ((-37.0, 'TAI'), (37.0, 'TAI'), (18.0, 'GPS'), (-18.1, 'GPS'),
                            (-28800.0, '8 hours'), (7200.0, '2 hours'),
-                           (-315_964_782.0, 'GPS epoch'), (1868.0 - NOW / S, 'switched on'))
+                           (-315_964_782.0, 'GPS epoch'), (1868.0 - NOW / S, 'power-on'))
       for begin in (-3.0, LONG)),
     clock_off(4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),
     clock_off(-12.3, 'cache_too_short', words=('cache_time=14 s',)),
@@ -128,6 +128,17 @@ FAULTY = [
                       ('/a300/tf', '--namespace a300'))]),
     Situation('1.18 the clock of the robot is 90 s behind', World([DRIVER._replace(offset=-90.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('90.0 s behind it',), at=0.0)]),
+    Situation('1.18 the clock of the robot is 5 s behind', World([DRIVER._replace(offset=-5.0)]),
+              [Lookup('odom', 'base_link', ['other_clock'], ('5.0 s behind it',), at=0.0)]),
+    Situation('1.17 the same, and a lookup at the present time', World([
+        Sender('/rosbag2_player', ['odom base_link'], offset=-1e8)]),
+        [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)]),
+    Situation('an old time in a simulation', World(
+        [DRIVER._replace(offset=1000.0 - NOW / S)], clock=1000.0, clock_nodes=['/gazebo']),
+        [Lookup('odom', 'base_link', ['cache_too_short'], at=-100.0),
+         Lookup('odom', 'base_link', ['too_soon'], at=2.0)]),
+    Situation('samples at 1 Hz, near the end of the cache', World([DRIVER._replace(rate=1.0)]),
+              [Lookup('odom', 'base_link', ['cache_too_short'], at=-11.5)]),
     Situation('1.17 a bag is played without --clock', World([DRIVER._replace(offset=-1e8)]),
               [Lookup('odom', 'base_link', ['too_soon'], ('behind the clock of this node',),
                       at=-1e8 + 0.05)]),
@@ -182,6 +193,15 @@ FAULTY = [
               [Lookup('odom', 'base_link', [], ('Nothing has arrived yet from /arm.',))]),
     Situation('2.35 a static whose program has ended', World([DRIVER]),
               [Lookup('odom', 'laser', [], ("Known frames: 'base_link', 'odom'",))]),
+    Situation('a typo, beside nodes that wait', World([
+        DRIVER, Sender('/rsp', waits_for='/joint_states'), Sender('/amcl', waits_for='/clock')]),
+        [Lookup('odom', 'base_lnik', [], ("Nearest known: 'base_link'",))]),
+    Situation('another name, where all joints are fixed', World([
+        DRIVER, Sender('/rsp', ['base_link laser'], 0, '/tf_static', waits_for='/joint_states')]),
+        [Lookup('odom', 'camera', ['joint_without_state'], ('If a joint moves the frame',))]),
+    Situation('a node with simulated time whose transforms have the stamps of messages', World([
+        DRIVER._replace(waits_for='/clock')]),
+        [Lookup('odom', 'camera', [], ("Known frames: 'base_link', 'odom'",))]),
     Situation('a typo', World([DRIVER]),
               [Lookup('odom', 'base_lnik', [], ("Nearest known: 'base_link'",))]),
     Situation('two trees, and no sign why', World([DRIVER, Sender('/lamp', ['world lamp'])]),

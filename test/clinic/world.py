@@ -104,7 +104,7 @@ class World(NamedTuple):
                       for gid, each in present if each.topic in self.topics]
         return Surroundings(
             NOW if self.clock is None else round(self.clock * S), self.clock is not None,
-            self.clock_nodes, self.topics, publishers,
+            NOW, self.clock_nodes, self.topics, publishers,
             {str(i): each.node for i, each in enumerate(self.senders) if each.has_ended},
             self.is_volatile, any(each.topic == self.topics[-1] for each in publishers),
             has_data, self.is_new,
