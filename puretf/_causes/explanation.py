@@ -1,6 +1,6 @@
 """What follows tf2's words in the text of an error: facts, causes with remedies, where to read."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 import re
 
 from puretf._causes.facts import (
@@ -35,8 +35,9 @@ _SECTIONS = {MISSING: 'A frame does not exist', SILENCE: 'A frame does not exist
 
 def explain(facts: Facts) -> tuple[str, tuple[str, ...]]:
     """Return the text, and the codes of the causes that it names."""
-    text, found = _known(facts), list[Cause]()
-    for cause in causes(RULES.values(), facts, facts.symptom)[:_MOST_CAUSES]:
+    all_causes = causes(RULES.values(), facts, facts.symptom)[:_MOST_CAUSES]
+    text, found = _known(facts, {cause.code for cause in all_causes}), list[Cause]()
+    for cause in all_causes:
         longer = f'{text} {cause_text(cause)}'.strip()
         if found and len(longer.split()) + 4 > _MOST_WORDS:
             break
@@ -67,7 +68,12 @@ def _section_of(facts: Facts) -> str:
         facts.symptom)
 
 
-def _known(facts: Facts) -> str:
+#: Their evidence says when the data arrive, or how far they are from the clock.
+_OF_ARRIVALS = {'other_clock', 'use_sim_time_differs', 'time_goes_back', 'one_shot', 'zero_stamp',
+                'nanosec', 'not_a_number', 'unnormalized', 'loop', 'empty_name'}
+
+
+def _known(facts: Facts, codes: Collection[str]) -> str:
     """Return the facts in one or two sentences."""
     around = facts.around
     if facts.symptom in (MISSING, SILENCE):
@@ -96,8 +102,9 @@ def _known(facts: Facts) -> str:
              if facts.time > edge.latest else
              f' and begin {exact_time(edge.oldest - facts.time)} s after that time'
              if facts.time < edge.oldest else '')
+    arrivals = _arrivals(facts, edge) if around.topics and _OF_ARRIVALS.isdisjoint(codes) else ''
     return (f'The data of edge {quoted(edge.parent)} -> {quoted(edge.child)} {span}{where}.'
-            f'{_arrivals(facts, edge) if around.topics and not edge.refused else ""}')
+            f'{arrivals}')
 
 
 def _arrivals(facts: Facts, edge: Edge) -> str:
@@ -110,6 +117,8 @@ def _arrivals(facts: Facts, edge: Edge) -> str:
             f'; on {around.topics[-1]} now: {comma_list(nodes, MAX_TOPICS, shortened)}'
             if nodes else f'; nothing publishes on {around.topics[-1]} now')
         return f' The last one arrived {edge.silence / SECOND:.1f} s ago{who}.'
+    if edge.stalled > RECENT:
+        return f' Its stamp has not advanced for {edge.stalled / SECOND:.1f} s.'
     text = ''
     if around.now and abs(offset := data_offset(facts)) > RECENT:
         text = (f' Data arrive {abs(offset) / SECOND:.1f} s '

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+import re
 from types import MappingProxyType
 from typing import NamedTuple, Optional
 
@@ -142,6 +143,8 @@ class Edge(NamedTuple):
     refused_authority: str  #: its publisher
     is_refusing: bool  #: True if the last one was refused
     nanosec: int = 0  #: a `nanosec` of its stamps that is 10**9 or more; 0: there is none
+    is_full: bool = False  #: True if samples were dropped since there were too many
+    stalled: int = 0  #: from the arrival of the newest stamp to that of the last transform
 
     @property
     def period(self) -> int:
@@ -203,7 +206,9 @@ class Facts:
     @cached_property
     def has_near_name(self) -> bool:
         """Whether the missing frame has almost the name of another one."""
-        return self.symptom == MISSING and bool(near_names(self.names[0], self.buffer.names))
+        return self.symptom == MISSING and any(
+            re.findall(r'\d+', name) == re.findall(r'\d+', self.names[0])
+            for name in near_names(self.names[0], self.buffer.names, cutoff=0.8))
 
     @cached_property
     def heard(self) -> Sequence[Heard]:

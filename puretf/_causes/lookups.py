@@ -7,7 +7,6 @@ from typing import Optional
 from puretf._causes.clocks import known_offset, SINCE_START
 from puretf._causes.facts import (
     CLEARED,
-    Edge,
     Facts,
     FUTURE,
     Heard,
@@ -32,6 +31,8 @@ _NO_DATA = MISSING, UNCONNECTED, SILENCE
 _TIMES = PAST, FUTURE, ONE_TIME
 #: No cache time that is longer than this (ns) is proposed.
 _LONGEST_CACHE = 600 * SECOND
+#: A transform was sent once if no other one has followed for this time (ns).
+_ONCE = 5 * SECOND
 #: The largest number of names that are compared with the root of another tree.
 _MAX_COMPARED = 5000
 
@@ -139,9 +140,10 @@ def _part_prefix(facts: Facts) -> Iterator[Evidence]:
     # The trees of the lookup, and those between them.
     for root in facts.roots:
         for other, names in trees.items():
-            if other != root and (found := part_prefix(trees.get(root, ()), names)):
+            if other != root and (found := part_prefix(trees.get(root, ()), names)) and (
+                    (roots[found[0]] == found[0]) != (roots[found[1]] == found[1])):
                 yield Evidence(f'{quoted(found[0])} and {quoted(found[1])} may be one frame: only '
-                               'a part of the frames has the prefix')
+                               'a part of the frames has the prefix or suffix')
                 return
 
 
@@ -191,9 +193,12 @@ def _senders(facts: Facts, child: str, authority: str, parent: str = '') -> list
 
 
 def _of_refusals(code: str, what: str, remedy: str) -> None:
-    @_rule(code, remedy, 'Other faults', symptoms=_NOT_THERE)
+    @_rule(code, remedy, 'Other faults', symptoms=(*_NOT_THERE, FUTURE))
     def find(facts: Facts) -> Iterator[Evidence]:
-        for name in dict.fromkeys((*facts.names, *facts.roots)):
+        if facts.edge and (arrives(facts) or not facts.around.topics):
+            return
+        for name in [facts.edge.child] if facts.edge else dict.fromkeys(
+                (*facts.names, *facts.roots)):
             for refusal in facts.buffer.refusals(name):
                 if refusal.reason == code:
                     nodes = _senders(facts, name, refusal.authority)
@@ -227,8 +232,28 @@ for _arguments in (
     _of_refusals(*_arguments)
 
 
-@_rule('time_goes_back', 'Clear the buffer; if it happens again, stop the node with the later '
-       'clock.', 'TF_OLD_DATA', symptoms=_TIMES, explains=('frozen_stamp', 'one_shot', 'gap'))
+@_rule('zero_stamp', 'Set header.stamp to the time of the transform.',
+       'use_sim_time and the wall clock', symptoms=_TIMES,
+       explains=('other_clock', 'message_other_clock', 'use_sim_time_differs', 'one_shot',
+                 'too_soon', 'cache_too_short', 'gap'))
+def _zero_stamp(facts: Facts) -> Iterator[Evidence]:
+    if facts.edge and facts.edge.oldest == facts.edge.latest == 0:
+        yield Evidence('All its stamps are 0')
+
+
+@_rule('use_sim_time_differs', 'Set use_sim_time in all nodes, or in none.',
+       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'clock_nodes'),
+       explains=('other_clock', 'message_other_clock', 'too_soon', 'cache_too_short',
+                 'time_goes_back'))
+def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
+    if facts.around.clock_nodes and (which := _which_is_off(facts)):
+        nodes = facts.around.clock_nodes
+        yield Evidence(f'{which}, and {_listed(nodes)} publish{"es" * (len(nodes) == 1)} '
+                       '/clock')
+
+
+@_rule('time_goes_back', '{remedy}', 'TF_OLD_DATA', symptoms=_TIMES,
+       explains=('frozen_stamp', 'one_shot', 'gap'))
 def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     if edge and edge.refused and (edge.is_refusing if facts.symptom == FUTURE else
@@ -237,7 +262,8 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
             f'{_transforms(edge.refused)} of {quoted(edge.child)}'
             f'{_of_node(facts, edge.refused_authority)} {_was(edge.refused)} refused, since one '
             f'at {exact_time(edge.latest)}{_of_node(facts, edge.authority)} is newer by more than '
-            'the cache time')
+            'the cache time', {'remedy': _PLAY if _is_played(facts) else (
+                'Clear the buffer; if it happens again, stop the node with the later clock.')})
 
 
 @_rule('nanosec', 'Split the time into sec and nanosec, as rclpy.time.Time.to_msg() does.',
@@ -259,7 +285,7 @@ def _wrong_type(facts: Facts) -> Iterator[Evidence]:
     wrong = dict.fromkeys(
         f'{shortened(each.node)} publishes {shortened(each.type)} on {each.topic}'
         for each in facts.around.publishers or () if each.type != TF_MESSAGE)
-    if wrong:
+    if wrong and not facts.has_near_name:
         yield Evidence(f'{comma_list([*wrong], MAX_TOPICS)}, not {TF_MESSAGE}')
 
 
@@ -267,7 +293,7 @@ def _wrong_type(facts: Facts) -> Iterator[Evidence]:
        'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',),
        explains=('static_not_latched',))
 def _volatile_listener(facts: Facts) -> Iterator[Evidence]:
-    if facts.around.is_volatile:
+    if facts.around.is_volatile and not facts.has_near_name:
         yield Evidence(f'This listener of {facts.around.topics[0]} is not transient local, so it '
                        'misses what was sent before its start')
 
@@ -276,7 +302,7 @@ def _of_qos(code: str, lack: str, remedy: str) -> None:
     @_rule(code, remedy, 'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',))
     def find(facts: Facts) -> Iterator[Evidence]:
         nodes: dict[str, set[str]] = {}
-        for each in facts.around.publishers or ():
+        for each in () if facts.has_near_name else facts.around.publishers or ():
             if each.type == TF_MESSAGE and each.lacks == lack:
                 nodes.setdefault(each.topic, set()).add(each.node)
         for topic, names in nodes.items():
@@ -294,7 +320,8 @@ _of_qos('incompatible_qos', 'reliable', 'Send with a TransformBroadcaster, or pa
        explains=('no_transforms',))
 def _other_namespace(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
-    if around.is_fed or not around.other_topics or len(around.topics) == 1:
+    if around.is_fed or not around.other_topics or len(around.topics) == 1 or (
+            facts.has_near_name):
         return
     first = shortened(around.other_topics[0])
     yield Evidence(f'No transform has arrived on {around.topics[-1]}, but transforms are '
@@ -360,8 +387,10 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
         return
     waiting = {each.node for each in around.publishers or ()
                if around.waits_for.get(each.node) == '/clock'}
-    if around.is_simulated and around.now == 0:
-        yield Evidence('use_sim_time is set in this node, but nothing publishes /clock')
+    if around.is_simulated and (around.now == 0 or (
+            facts.symptom == FUTURE and not arrives(facts))):
+        yield Evidence('use_sim_time is set in this node, but nothing publishes /clock'
+                       f'{" any more" if around.now else ""}')
     elif facts.symptom in _NO_DATA and waiting and not facts.has_near_name and (
             silent := sorted(waiting - {node for each in facts.heard for node in each.nodes})):
         yield Evidence(f'{_listed(silent)} waits for /clock, which nothing publishes')
@@ -413,8 +442,11 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
     sent = {each.gid for each in facts.heard}
     heard = {child for each in facts.heard for child in each.parents}
     # Who sends what the buffer has, and was not heard now, is not known.
+    # A frame may have been handed over by a node that sends nothing now.
     if not around.has_data or not facts.buffer.newest.keys() <= heard or '' in sent or (
-            facts.has_near_name):
+            facts.has_near_name or any(
+                not {*facts.buffer.changed}.isdisjoint(facts.buffer.chain(name))
+                for name in facts.names)):
         return
     silent = {each.node: each.topic for each in around.publishers or ()
               if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node}
@@ -453,8 +485,8 @@ def _frozen_stamp(facts: Facts) -> Iterator[Evidence]:
        needs=('listener',), explains=('gap', 'too_soon'))
 def _one_shot(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
-    if edge and edge.samples == 1 and not edge.has_dropped and not edge.refused and not (
-            arrives(facts)):
+    if edge and edge.samples == 1 and not edge.has_dropped and not edge.refused and (
+            edge.silence > _ONCE):
         yield Evidence(f'Only one has arrived, {edge.silence / SECOND:.1f} s ago')
 
 
@@ -462,17 +494,7 @@ def arrives(facts: Facts) -> bool:
     """Return whether transforms of the edge arrive, as often as before."""
     edge, around = facts.edge, facts.around
     return bool(edge and edge.still_arrives and edge.authority not in around.ended
-                and around.nodes(around.topics[-1]))
-
-
-@_rule('use_sim_time_differs', 'Set use_sim_time in all nodes, or in none.',
-       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'clock_nodes'),
-       explains=('other_clock', 'message_other_clock', 'too_soon', 'cache_too_short'))
-def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
-    if facts.around.clock_nodes and (which := _which_is_off(facts)):
-        nodes = facts.around.clock_nodes
-        yield Evidence(f'{which}, and {_listed(nodes)} publish{"es" * (len(nodes) == 1)} '
-                       '/clock')
+                and around.topics and around.nodes(around.topics[-1]))
 
 
 @_rule('message_other_clock', 'If a message has it, correct the clock of its sender.',
@@ -480,13 +502,13 @@ def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
        explains=('too_soon', 'cache_too_short', 'other_clock'))
 def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, now = facts.edge, facts.around.now
-    if not edge or not now or facts.around.is_simulated or not arrives(facts) or (
-            _is_data_off(facts)):
+    if not edge or not now or not arrives(facts) or _is_data_off(facts):
         return
     offset = facts.time - now + round(facts.waited.seconds * SECOND if facts.waited else 0)
     is_named = known_offset(offset) or facts.time < SINCE_START < now
     # Nothing can have been measured at a time ahead of the clock.
-    if is_named if offset < 0 else offset > RECENT and facts.time > edge.latest + RECENT:
+    if is_named if offset < 0 else facts.time > edge.latest + RECENT and offset > (
+            _LATE if facts.around.is_simulated else RECENT):
         yield Evidence(f'That time is {_apart(offset, facts.time)} the clock of this node, and '
                        'the data are in time')
 
@@ -498,18 +520,33 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, around = facts.edge, facts.around
     if edge and around.now and not around.is_simulated and arrives(facts) and (
             _is_data_off(facts) and abs(facts.time - around.now) <= OTHER_CLOCK):
-        is_bag = any('rosbag2_player' in each.node for each in around.publishers or ())
+        offset = data_offset(facts)
+        remedy = 'Correct the clock that stamps them: synchronise the computers.'
         yield Evidence(
             'The data are on another clock than that of this node: '
-            f'{_apart(data_offset(facts), edge.latest)} it',
-            {'remedy': 'Play the bag with --clock, and set use_sim_time.' if is_bag else
-             'Correct the clock that stamps them: synchronise the computers.'})
+            f'{_apart(offset, edge.latest)} it',
+            {'remedy': RULES['use_sim_time_differs'].remedy if around.clock_nodes else
+             _PLAY if _is_played(facts) else
+             'If they are simulated, publish /clock and set use_sim_time; else stamp them with '
+             'the present time.' if edge.latest < SINCE_START else remedy
+             if abs(offset) > _LARGE or known_offset(offset) else
+             f'If this is not on purpose, c{remedy[1:]}'})
+
+
+_PLAY = 'Play the bag with --clock, and set use_sim_time.'
+#: No program dates its transforms so far (ns) ahead or behind.
+_LARGE = 10 * SECOND
+
+
+def _is_played(facts: Facts) -> bool:
+    """Return whether a bag is played."""
+    return any('rosbag2_player' in each.node for each in facts.around.publishers or ())
 
 
 def _apart(offset: int, stamp: int) -> str:
     """Return how far a stamp is from a clock, and what such an offset is."""
     name = known_offset(offset) or (
-        'counted since power-on' if 0 <= stamp < SINCE_START else '')
+        'counted since power-on' if offset < 0 < stamp < SINCE_START else '')
     return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
             f'{"ahead of" if offset > 0 else "behind"}')
 
@@ -525,7 +562,8 @@ _LATE, _ON_PURPOSE = 3 * SECOND, 5 * SECOND
 
 
 def _is_data_off(facts: Facts) -> bool:
-    return not -_LATE <= data_offset(facts) <= _ON_PURPOSE
+    assert facts.edge
+    return facts.edge.stalled <= RECENT and not -_LATE <= data_offset(facts) <= _ON_PURPOSE
 
 
 def _which_is_off(facts: Facts) -> str:
@@ -547,12 +585,13 @@ def _which_is_off(facts: Facts) -> str:
        needs=('publishers',), explains=('too_soon',))
 def _gap(facts: Facts) -> Iterator[Evidence]:
     edge, around = facts.edge, facts.around
-    if edge and not arrives(facts) and edge.authority in around.ended:
+    if edge and not arrives(facts) and edge.authority in around.ended and (
+            around.ended[edge.authority] not in around.nodes(around.topics[-1])):
         node = shortened(around.ended[edge.authority])
         yield Evidence(f'{node}, which has published it, has ended', {'node': node})
 
 
-@_rule('too_soon', '{remedy}, or look up time 0 (Time()) for the latest transform.',
+@_rule('too_soon', '{remedy}.',
        'Extrapolation into the future', symptoms=(FUTURE,), needs=('publishers',),
        is_on_wire=False)
 def _too_soon(facts: Facts) -> Iterator[Evidence]:
@@ -560,14 +599,17 @@ def _too_soon(facts: Facts) -> Iterator[Evidence]:
     if not edge or not arrives(facts):
         return
     ahead = facts.time - edge.latest
-    if ahead > OTHER_CLOCK:
+    if ahead > OTHER_CLOCK or edge.stalled > RECENT:
         return
+    if edge.period:  # the next one with a later stamp
+        ahead = max(-(-ahead // edge.period) * edge.period - edge.silence, 1)
     how = (f'Data arrive every {edge.period / SECOND:.1f} s' if edge.period > RECENT else
            'Data still arrive')
     yield Evidence(f'{how}, so this transform is on its way', {'remedy': (
         f'It has not come within {waited.seconds:g} s: pass a longer timeout=' if waited else
         'Pass timeout= to wait for it' if ahead <= RECENT else
-        f'Pass a timeout= of more than {ahead / SECOND:.1f} s')})
+        f'Pass a timeout= of more than {ahead / SECOND:.1f} s') + (
+            ', or look up Time() for the latest' if facts.time > edge.latest else '')})
 
 
 @_rule('cache_too_short', '{remedy}',
@@ -577,7 +619,8 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
     if not edge or not edge.has_dropped:
         return
     age = edge.latest - facts.time
-    if age <= _LONGEST_CACHE and not _is_full(edge):
+    if edge.cache_time < age <= _LONGEST_CACHE and not (
+            facts.around.now and arrives(facts) and _is_data_off(facts)):
         remedy = f'pass cache_time={ceil(age / SECOND) + 1} s to the buffer, or look up sooner'
         yield Evidence(
             f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
@@ -585,16 +628,11 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
              if facts.around.now else f'P{remedy[1:]}.'})
 
 
-def _is_full(edge: Edge) -> bool:
-    """Return whether transforms were dropped that are not older than the cache time."""
-    return edge.latest - edge.oldest < edge.cache_time - 2 * edge.period - RECENT
-
-
 @_rule('too_many_samples', 'Pass a larger max_samples to the buffer.',
        'Extrapolation into the past', symptoms=(PAST,), is_on_wire=False)
 def _too_many_samples(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
-    if edge and edge.has_dropped and _is_full(edge):
+    if edge and edge.is_full and edge.latest - facts.time <= edge.cache_time:
         yield Evidence('Its earlier transforms have been dropped before the cache time was over')
 
 

@@ -17,6 +17,7 @@ from puretf._causes.facts import (
     MISSING,
     ONE_TIME,
     PAST,
+    RECENT,
     UNCONNECTED,
 )
 from puretf._core import texts
@@ -87,14 +88,15 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
 
     It is about the path that follows the newest parents of the frames. Of the edges on this path,
     it names one whose stamp does not advance, or the one whose samples are farthest from `time`
-    (ns). If all edges on this path have data at `time`, the frames had other parents at that time.
-    Then it names the edge above `stopped_at`, the frame at which the search stopped. If the newest
-    parents do not connect the two frames, it names the roots of their two trees.
+    (ns); if `time` is the newest stamp of an edge that does not arrive any more, this edge. If all
+    edges on this path have data at `time`, the frames had other parents at that time. Then it
+    names the edge above `stopped_at`, the frame at which the search stopped. If the newest parents
+    do not connect the two frames, it names the roots of their two trees.
     """
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
     if meeting is None:
         return _why_unconnected(tree, target, [*from_target][-1], source, [*from_source][-1])
-    worst, widest = stopped_at, 0
+    now, worst, widest = monotonic_ns(), stopped_at, 0
     for chain in from_source, from_target:
         for frame in chain:
             if frame == meeting:
@@ -105,19 +107,23 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
             if isinstance(history, History) and is_frozen(
                     history.oldest, history.latest, len(history) + history.repeated):
                 gap = END  # the latest time of all edges is its stamp
+            elif isinstance(history, History) and (
+                    history.latest == time and now - history.advance > RECENT):
+                gap = END - 1
             if gap > widest:
                 worst, widest = frame, gap
     history = tree.histories[worst]
     assert isinstance(history, History)
     if not len(history):
         return _explanation(tree, CLEARED, (worst,))
-    symptom = FUTURE if time > history.latest else PAST if time < history.oldest else ONE_TIME
+    symptom = FUTURE if time > history.latest or widest == END - 1 else (
+        PAST if time < history.oldest else ONE_TIME)
     return _explanation(tree, symptom, (target, source), (), time, Edge(
         history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
         tree.cache_time, history.start > 0, history.authority,
-        monotonic_ns() - history.arrival, history.repeated, history.refused,
+        now - history.arrival, history.repeated, history.refused,
         history.refused_stamp, history.refused_authority, history.is_refusing,
-        tree.nanosecs.get(worst, 0)))
+        tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END

@@ -76,9 +76,10 @@ class History:
     parents that occurred only in samples that have been dropped.
 
     `arrived` is the stamp (ns) of the last transform that arrived, and `arrival` the monotonic
-    time (ns) at which it did, also if it was not inserted: `repeated` transforms were in the
-    history already, and `refused` ones were too old. `refused_stamp` is the stamp (ns) of the last
-    of these, `refused_authority` its publisher, and `refusal` its time of arrival.
+    time (ns) at which it did (`advance`: that with the newest stamp), also if it was not inserted:
+    `repeated` transforms were in the history already, and `refused` ones were too old.
+    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher, and
+    `refusal` its time of arrival.
     """
 
     is_static = False
@@ -92,7 +93,8 @@ class History:
         self.only_parent = ''
         self.parents: Optional[list[str]] = None
         self.all_parents: dict[str, None] = {}
-        self.arrived = self.arrival = self.repeated = 0
+        self.arrived = self.arrival = self.advance = self.repeated = 0
+        self.is_full = False  #: True if samples were dropped since there were too many
         self.refused = self.refused_stamp = self.refusal = 0
         self.refused_authority = ''
 

@@ -86,8 +86,11 @@ class Insertion:
             return True
         if not isinstance(history, History):
             histories[child] = history = History(self._tree.cache_time)
+        before = history.latest
         is_accepted = history.insert(stamp, parent, pose, authority)
         history.arrival = monotonic_ns()
+        if history.latest != before:
+            history.advance = history.arrival
         if not is_accepted:
             history.refusal = history.arrival
             self.log.warn(child, texts.old_data(
@@ -145,7 +148,7 @@ class Insertion:
                             and history.only_parent == parent
                             and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
                                                batch.authority)):
-                        history.arrival = now
+                        history.arrival = history.advance = now
                         self._room -= count
                         if self._room < 0 or (
                                 len(history.stamps) - history.start > self._max_samples_per_frame):
@@ -191,6 +194,7 @@ class Insertion:
         """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""
         surplus = len(history) - self._max_samples_per_frame
         if surplus > 0:
+            history.is_full = True
             history.drop_before(history.start + surplus)
             self._room += surplus
             self.log.warn_once('frame', texts.too_many_samples_of_a_frame(
@@ -207,6 +211,7 @@ class Insertion:
             surplus = min(added, -self._room)
         surplus = min(surplus, len(history) - 1)
         if surplus > 0:
+            history.is_full = True
             history.drop_before(history.start + surplus)
             self._room += surplus
             self.log.warn_once('buffer', texts.too_many_samples(

@@ -12,6 +12,8 @@ from puretf.exceptions import described
 END = 2**63
 #: The largest number of parents that are kept of a frame, and of frames with faults.
 _MAX_PARENTS, _MAX_REFUSED = 8, 1000
+#: Parents alternate if they do so among the last samples.
+_LAST = 20
 
 
 class FrameTree:
@@ -103,8 +105,9 @@ class FrameTree:
         if history is None or (newest := history.parent_at(0)) is None:
             return []
         parents = [*(history.parents or ())]
-        # A frame that is moved into another one once, as by a gripper, has one parent.
-        is_moved = not history.is_static and sum(map(ne, parents, parents[1:])) < 2
+        # A frame that is handed over to another one, as by a gripper, has one parent.
+        is_moved = not history.is_static and sum(
+            map(ne, parents[-_LAST - 1:], parents[-_LAST:])) < 2
         found = {each: Parent(each, '', 0, False) for each in parents if not is_moved}
         found.update((name, each) for name, each in tuple(self._earlier.get(child, {}).items())
                      if each.is_static or not is_moved)

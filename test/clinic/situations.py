@@ -22,6 +22,7 @@ class Situation(NamedTuple):
 SCAN_OF_LIDAR = 'the clock of this node'
 DRIVER = Sender('/driver', ['odom base_link'])
 LASER = Sender('/rsp', ['base_link laser'], 0, '/tf_static')
+AMCL = Sender('/amcl', ['map odom'], 10, offset=0.5)
 SLAM = Sender('/slam', ['map odom'], 10)
 #: A listener that has been there for a long time, and so has dropped transforms.
 LONG = -20.0
@@ -215,7 +216,78 @@ FAULTY = [
               [Lookup('odom', 'base_link', [], (), at=-604_801.5, not_words=['cache_time'])]),
 ]
 
+#: What engineers thought of who had not seen the rules.
+FAULTY += [
+    Situation('the localiser has ended, and the latest pose is asked', World([
+        AMCL._replace(begin=-60.0, end=-15.0, has_ended=True), DRIVER._replace(begin=-60.0),
+        LASER], has_gids=True), [Lookup('map', 'laser', ['gap'], ('/amcl', 'Start /amcl again'))]),
+    Situation('a node was away for a while', World([
+        DRIVER._replace(begin=-60.0, end=-30.0, has_ended=True), DRIVER._replace(begin=-4.0)],
+        has_gids=True), [Lookup('odom', 'base_link', [], at=-5.0, not_words=['max_samples'])]),
+    Situation('a localiser has started again', World([
+        AMCL._replace(end=-5.0, has_ended=True), Sender('/amcl'), DRIVER], has_gids=True),
+        [Lookup('odom', 'map', [], ('5.0 s ago',), at=0.5, not_words=['Start /amcl'])]),
+    Situation('all have been refused for 3 s', World([
+        DRIVER, Sender('/imu', ['base_link imu'], end=-3.0),
+        Sender('/imu', ['base_link imu'], begin=-2.9, pose=(0.0,) * 7)]),
+        [Lookup('odom', 'imu', ['unnormalized'], ('59 transforms of',), at=0.0)]),
+    Situation('a node repeats its last stamp', World([
+        SLAM._replace(stamp=lambda time: min(time, NOW - 5 * S)), DRIVER]),
+        [Lookup('map', 'base_link', [], ('has not advanced for 5.0 s',), at=0.0)]),
+    Situation('an edge at 0.1 Hz', World([
+        Sender('/gps', ['map odom'], 0.1, begin=-62.0, end=-2.0), DRIVER]),
+        [Lookup('map', 'base_link', ['too_soon'], ('timeout= of more than 8.0 s',), at=0.0)]),
+    Situation('a message from before a reset', World(
+        [DRIVER._replace(offset=100.0 - NOW / S), LASER], clock=100.0, clock_nodes=['/gazebo']),
+        [Lookup('odom', 'laser', ['message_other_clock'], ('45.0 s ahead of',), at=45.0)]),
+    Situation('a bag with --clock, and a node without use_sim_time', World([
+        Sender('/rosbag2_player', ['odom base_link'], offset=-30.0)],
+        clock_nodes=['/rosbag2_player']),
+        [Lookup('odom', 'base_link', ['other_clock'], ('Set use_sim_time in all',), at=0.0)]),
+    Situation('poses that are computed late', World([
+        Sender('/rtabmap', ['map odom'], 1.0, offset=-4.0), DRIVER]),
+        [Lookup('map', 'base_link', ['other_clock'], ('If this is not on purpose',), at=0.0)]),
+    Situation('stamps that were never set', World([DRIVER._replace(stamp=lambda _: 0), SLAM]),
+              [Lookup('map', 'base_link', ['zero_stamp'], ('Set header.stamp',), at=-0.1)]),
+    Situation('a simulation without /clock', World([
+        DRIVER._replace(offset=100.0 - NOW / S), LASER]),
+        [Lookup('odom', 'laser', ['other_clock'], ('If they are simulated, publish /clock',),
+                at=0.0)]),
+    Situation('a bag is played in a loop', World([
+        Sender('/rosbag2_player', ['odom base_link'], offset=-1000.0, begin=-70.0, end=-10.0),
+        Sender('/rosbag2_player', ['odom base_link'], offset=-1060.0, begin=-9.9)]),
+        [Lookup('odom', 'base_link', ['time_goes_back'], ('Play the bag with --clock',),
+                at=-1060.0)]),
+    Situation('one node of a simulation has no use_sim_time', World([
+        Sender('/gazebo', ['odom base_link'], 30, offset=100.0 - NOW / S),
+        Sender('/ekf', ['odom base_link'], begin=-19.99), LASER], has_gids=True, clock=100.0,
+        clock_nodes=['/gazebo']),
+        [Lookup('odom', 'laser', ['use_sim_time_differs'], ('the data are not',), at=0.0)]),
+    Situation('the simulation has crashed', World([
+        DRIVER._replace(offset=100.0 - NOW / S, end=-10.0), LASER], clock=90.0, has_gids=True),
+        [Lookup('odom', 'laser', ['no_clock'], ('nothing publishes /clock any more',), at=0.05)]),
+]
+
 HEALTHY = [
+    Situation('a typo beside other faults', World([
+        DRIVER, LASER, Sender('/viz', ['map m'], lacks='reliable'), Sender('/x', type='A')]),
+        [Lookup('odom', 'lasr', [], ("'laser'",))]),
+    Situation('a drone beside a robot', World([
+        DRIVER, Sender('/drone', ['world drone_base_link'])]),
+        [Lookup('odom', 'drone_base_link', [])]),
+    Situation('a map server', World([SLAM, DRIVER, Sender(
+        '/tiles', ['map_server tile0'], 0, '/tf_static')]), [Lookup('odom', 'tile0', [])]),
+    Situation('a part is handed over to another robot', World([
+        Sender('/r1', ['r1/odom r1/base']), Sender('/r2', ['r2/odom r2/base']),
+        Sender('/t1', ['r1/base part'], end=-5.0), Sender('/t2', ['r2/base part'], begin=-4.9)],
+        has_gids=True), [Lookup('r1/base', 'part', [])]),
+    Situation('both hold it for a moment', World([
+        Sender('/scene', ['world table', 'world hand']), Sender('/a', ['table cup'], end=-4.8),
+        Sender('/b', ['hand cup'], begin=-4.99)], has_gids=True),
+        [Lookup('world', 'cup', ['cache_too_short'], at=-11.0)]),
+    Situation('a slow node that has just begun', World([
+        Sender('/loc', ['map odom'], 0, begin=-1.5), DRIVER]),
+        [Lookup('map', 'base_link', [], at=0.0, not_words=['again and again'])]),
     Situation('2.23 map -> odom is dated ahead on purpose', World(
         [SLAM._replace(offset=1.0), DRIVER, LASER]), [Lookup('map', 'laser', None, at=-0.1)]),
     Situation('two robots with full prefixes, and one map', World([

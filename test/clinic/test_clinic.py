@@ -37,7 +37,7 @@ EDGE = Edge('map', 'base', 9, S, 9 * S, 10 * S, True, '', 0, 0, 0, 0, '', False)
 DIRECT = [
     (Facts(PAST, Surroundings(), Frames(takes_ns=True), time=5, edge=EDGE), 'time_in_seconds'),
     (Facts(PAST, Surroundings(), time=5, edge=EDGE, is_duration=True), 'time_is_duration'),
-    (Facts(PAST, Surroundings(), time=5, edge=EDGE._replace(oldest=7 * S)), 'too_many_samples'),
+    (Facts(PAST, Surroundings(), time=5, edge=EDGE._replace(is_full=True)), 'too_many_samples'),
     (Facts(PAST, Surroundings(), time=5, edge=EDGE._replace(nanosec=2**32 - 1)), 'nanosec'),
     (Facts(CLEARED, Surroundings(topics=['/tf'], is_simulated=True, clock_nodes=['/sim'])),
      'cleared'),
