@@ -56,6 +56,7 @@ class TransformTable(NamedTuple):
     stamps: NDArray[np.int64]  #: (m, n) the stamps (ns)
     #: (m, n, 7) x, y, z (m), quaternion x, y, z, w of any norm
     poses: NDArray[np.float64]
+    nanosec: int = 0  #: the largest one of these stamps, which should be less than a second
 
 
 class _Groups:
@@ -102,7 +103,7 @@ class _Groups:
     def _table(self, key: tuple[str, bool, Layout]) -> TransformTable:
         times, stamps, poses = self._open.pop(key)
         return TransformTable(
-            *key[:2], [*key[2].edges], np.array(times, np.int64),
+            key[0], key[1], [*key[2].edges], np.array(times, np.int64),
             *key[2].arrays(b''.join(stamps), bytearray().join(poses)))
 
 

@@ -14,6 +14,25 @@ _HOUR, _MOST_HOURS = 3600, 14
 _LATENCY = 0.6
 
 
+def is_off(offset: int, stamp: int, now: int) -> bool:
+    """
+    Return whether a stamp is of another clock than the one which is `now`; times are in ns.
+
+    :param offset: the stamp minus the time at which its message has arrived.
+    """
+    # Nothing can have been measured at a time ahead of the clock.
+    return (bool(known_offset(offset)) or stamp < SINCE_START < now if offset < 0 else
+            offset > SECOND)
+
+
+def apart(offset: int, stamp: int) -> str:
+    """Return how far a stamp is from a clock, and what such an offset is."""
+    name = known_offset(offset) or (
+        'counted since power-on' if offset < 0 < stamp < SINCE_START else '')
+    return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
+            f'{"ahead of" if offset > 0 else "behind"}')
+
+
 def known_offset(offset: int) -> str:
     """
     Return what an offset (ns) of a stamp from a clock is known for; '' if it is nothing special.

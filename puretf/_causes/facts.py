@@ -13,9 +13,9 @@ from puretf._text.times import is_frozen, SECOND
 
 #: The symptoms of a lookup: a frame does not exist; two trees; a time before or after the data, or
 #: beside the only stamp; an edge without data, since the buffer was cleared; and, without a
-#: lookup, that nothing arrives.
-SYMPTOMS = MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE = (
-    'missing', 'unconnected', 'past', 'future', 'one_time', 'cleared', 'silence')
+#: lookup, that nothing arrives; or none, since `tf_doctor` asks.
+SYMPTOMS = MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE, NONE = (
+    'missing', 'unconnected', 'past', 'future', 'one_time', 'cleared', 'silence', 'none')
 #: Times that are farther apart (ns) are from two clocks.
 OTHER_CLOCK = 60 * SECOND
 #: Data still arrive if this time (ns), or three periods of the edge, is not over. Up to this time
@@ -214,3 +214,6 @@ class Facts:
     def heard(self) -> Sequence[Heard]:
         """What publishers have sent while one listened for a moment, once."""
         return self.around.listen() if self.around.listen else ()
+
+    def has_sent(self, node: str) -> bool:
+        return any(node in each.nodes for each in self.heard)

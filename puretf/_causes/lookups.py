@@ -1,16 +1,17 @@
 """The rules that the error of a lookup can reach; the most certain ones come first."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 from typing import Optional
 
-from puretf._causes.clocks import known_offset, SINCE_START
+from puretf._causes.clocks import apart, is_off, known_offset, SINCE_START
 from puretf._causes.facts import (
     CLEARED,
     Facts,
     FUTURE,
     Heard,
     MISSING,
+    NONE,
     ONE_TIME,
     OTHER_CLOCK,
     PAST,
@@ -20,7 +21,7 @@ from puretf._causes.facts import (
 )
 from puretf._causes.rules import Evidence, registry, Rule
 from puretf._text.names import comma_list, MAX_TOPICS, quoted, shortened, TF_MESSAGE
-from puretf._text.similar_names import difference, has_prefix, is_slip, may_be_one_robot
+from puretf._text.similar_names import difference, is_slip, may_be_one_robot, without_prefix
 from puretf._text.times import exact_time, SECOND
 
 #: The rules, by their codes.
@@ -30,7 +31,7 @@ _NOT_THERE = MISSING, UNCONNECTED
 _NO_DATA = MISSING, UNCONNECTED, SILENCE
 _TIMES = PAST, FUTURE, ONE_TIME
 #: No cache time that is longer than this (ns) is proposed.
-_LONGEST_CACHE = 600 * SECOND
+LONGEST_CACHE = 600 * SECOND
 #: A transform was sent once if no other one has followed for this time (ns).
 _ONCE = 5 * SECOND
 #: The largest number of names that are compared with the root of another tree.
@@ -140,22 +141,34 @@ def _part_prefix(facts: Facts) -> Iterator[Evidence]:
     # The trees of the lookup, and those between them.
     for root in facts.roots:
         for other, names in trees.items():
-            if other != root and (found := part_prefix(trees.get(root, ()), names)) and (
-                    (roots[found[0]] == found[0]) != (roots[found[1]] == found[1])):
-                yield Evidence(f'{quoted(found[0])} and {quoted(found[1])} may be one frame: only '
-                               'a part of the frames has the prefix or suffix')
+            if other != root and (found := part_prefix(
+                    trees.get(root, ()), names, facts.buffer.newest)):
+                yield Evidence(part_prefix_text(found))
                 return
 
 
-def part_prefix(tree: Sequence[str], other: Sequence[str]) -> Optional[tuple[str, str]]:
+def part_prefix(tree: Sequence[str], other: Sequence[str], parents: Mapping[str, str]
+                ) -> Optional[tuple[str, str]]:
     """
     Return two names that may be one frame, which only some nodes give a prefix.
 
-    They are the only ones in the two trees that differ by a prefix: two robots have more.
+    They are the only ones in the two trees that differ by a prefix: two robots have more. One of
+    them is the root of its tree, and the other one has no child: so the trees would be one.
+
+    :param parents: by child: the parent.
     """
-    pairs = [(a, b) for a in tree for b in other
-             if has_prefix(a, b) or has_prefix(b, a)]
-    return pairs[0] if len(pairs) == 1 else None
+    names, others = {*tree}, {*other}
+    pairs = [(a, b) for a in tree for b in without_prefix(a) & others] + [
+        (b, a) for a in other for b in without_prefix(a) & names]
+    if len(pairs) == 1 and any(a not in parents and b not in parents.values()
+                               for a, b in (pairs[0], pairs[0][::-1])):
+        return pairs[0]
+    return None
+
+
+def part_prefix_text(names: Sequence[str]) -> str:
+    return (f'{" and ".join(map(quoted, names))} may be one frame: only a part of the frames has '
+            'the prefix or suffix')
 
 
 @_rule('changing_parent', 'Let only one parent be published for {frame}.',
@@ -373,7 +386,11 @@ def _half_remedy(facts: Facts, heard: Heard, parent: str, child: str, own: str, 
         return ''
     if is_another or (facts.symptom == MISSING and parent not in known and child not in known):
         return f'To listen to {base}, pass {_listening_to(base)}'
-    base = shortened(max(own, heard.base, key=lambda topic: topic.count('/')))
+    return remap_both(max(own, heard.base, key=lambda topic: topic.count('/')))
+
+
+def remap_both(topic: str) -> str:
+    base = shortened(topic)
     return (f'Remap both /tf and /tf_static in all nodes of the robot (--ros-args -r /tf:={base} '
             f'-r /tf_static:={base}_static), or in none of them')
 
@@ -385,15 +402,18 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     if around.clock_nodes:
         return
-    waiting = {each.node for each in around.publishers or ()
-               if around.waits_for.get(each.node) == '/clock'}
+    nodes = around.waits_for if facts.symptom == NONE else {
+        each.node for each in around.publishers or ()}
+    waiting = sorted(node for node in nodes
+                     if around.waits_for.get(node) == '/clock' and node != around.node)
     if around.is_simulated and (around.now == 0 or (
             facts.symptom == FUTURE and not arrives(facts))):
         yield Evidence('use_sim_time is set in this node, but nothing publishes /clock'
                        f'{" any more" if around.now else ""}')
-    elif facts.symptom in _NO_DATA and waiting and not facts.has_near_name and (
-            silent := sorted(waiting - {node for each in facts.heard for node in each.nodes})):
-        yield Evidence(f'{_listed(silent)} waits for /clock, which nothing publishes')
+    if waiting and facts.symptom in (NONE, *_NO_DATA) and not facts.has_near_name and (
+            silent := [node for node in waiting if not facts.has_sent(node)]):
+        yield Evidence(f'{_listed(silent)} wait{"s" * (len(silent) == 1)} for /clock, which '
+                       'nothing publishes', nodes=silent)
 
 
 @_rule('joint_without_state', '{remedy}', 'A frame does not exist', symptoms=_NO_DATA,
@@ -401,15 +421,22 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
 def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
     for each in facts.around.publishers or ():
         topic = facts.around.waits_for.get(each.node, '/clock')
-        if topic != '/clock' and not facts.has_near_name:
+        # An arm that moves may listen to positions to be set.
+        if topic != '/clock' and not facts.has_near_name and not (
+                facts.symptom == NONE and facts.has_sent(each.node)):
             others = [name for name in facts.around.joint_states if name != topic]
             where = (f'; joint states are on {_listed(others)} of '
                      f'{_listed(facts.around.joint_states[others[0]])}' if others else '')
             yield Evidence(
                 f'{shortened(each.node)} waits for {topic}, which nothing publishes{where}',
-                {'remedy': f'Remap one of them: -r {topic}:={shortened(others[0])}.' if others else
-                 f'If a joint moves the frame, start a program that publishes {topic}.'})
+                {'remedy': remap(topic, others[0]) if others else
+                 f'If a joint moves the frame, start a program that publishes {topic}.'},
+                [each.node], [topic])
             return
+
+
+def remap(topic: str, other: str) -> str:
+    return f'Remap one of them: -r {topic}:={shortened(other)}.'
 
 
 @_rule('no_robot_state_publisher', 'Start robot_state_publisher FILE.', 'A frame does not exist',
@@ -417,9 +444,11 @@ def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
 def _no_robot_state_publisher(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     own = f'{around.topics[-1].rpartition("/")[0]}/joint_states' if around.topics else ''
-    if own in around.joint_states and not (
-            around.has_data or around.publishers or around.is_new):
-        yield Evidence(f'{own} has a publisher, but nothing publishes transforms')
+    topics = [own] if own in around.joint_states else (
+        [] if around.other_topics else [*around.joint_states][:1])
+    if topics and not (around.has_data or around.publishers or around.is_new):
+        yield Evidence(f'{topics[0]} has a publisher, but nothing publishes transforms',
+                       nodes=around.joint_states[topics[0]], topics=topics)
 
 
 @_rule('no_transforms', 'Start a program that publishes, with the same ROS_DOMAIN_ID.',
@@ -449,15 +478,24 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
                 for name in facts.names)):
         return
     silent = {each.node: each.topic for each in around.publishers or ()
-              if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node}
+              if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node
+              and not each.lacks}
     players = [node for node, topic in silent.items()
                if 'rosbag2_player' in node and topic.endswith('_static')]
+    if facts.symptom == NONE:  # a robot_state_publisher may have fixed joints only
+        silent = {node: topic for node, topic in silent.items()
+                  if node not in around.waits_for
+                  and not facts.has_sent(node)}
     if players:
         yield Evidence(f'{_listed(players)} has sent nothing on {around.topics[0]}: a start '
-                       'offset leaves out the static transforms before it')
+                       'offset leaves out the static transforms before it',
+                       nodes=players, topics=around.topics[:1])
     elif silent:
+        topics = [*dict.fromkeys(silent.values())]
         yield Evidence(f'{_listed([*silent])} {_have([*silent])} a publisher on '
-                       f'{", ".join(dict.fromkeys(silent.values()))}, but nothing arrives from it')
+                       f'{", ".join(topics)}, but nothing arrives from '
+                       f'{"them" if len(silent) > 1 else "it"}',
+                       nodes=[*silent], topics=topics)
 
 
 # Times without data
@@ -505,11 +543,10 @@ def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
     if not edge or not now or not arrives(facts) or _is_data_off(facts):
         return
     offset = facts.time - now + round(facts.waited.seconds * SECOND if facts.waited else 0)
-    is_named = known_offset(offset) or facts.time < SINCE_START < now
-    # Nothing can have been measured at a time ahead of the clock.
-    if is_named if offset < 0 else facts.time > edge.latest + RECENT and offset > (
-            _LATE if facts.around.is_simulated else RECENT):
-        yield Evidence(f'That time is {_apart(offset, facts.time)} the clock of this node, and '
+    if is_off(offset, facts.time, now) and (offset < 0 or (
+            facts.time > edge.latest + RECENT
+            and offset > (_LATE if facts.around.is_simulated else RECENT))):
+        yield Evidence(f'That time is {apart(offset, facts.time)} the clock of this node, and '
                        'the data are in time')
 
 
@@ -524,7 +561,7 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
         remedy = 'Correct the clock that stamps them: synchronise the computers.'
         yield Evidence(
             'The data are on another clock than that of this node: '
-            f'{_apart(offset, edge.latest)} it',
+            f'{apart(offset, edge.latest)} it',
             {'remedy': RULES['use_sim_time_differs'].remedy if around.clock_nodes else
              _PLAY if _is_played(facts) else
              'If they are simulated, publish /clock and set use_sim_time; else stamp them with '
@@ -541,14 +578,6 @@ _LARGE = 10 * SECOND
 def _is_played(facts: Facts) -> bool:
     """Return whether a bag is played."""
     return any('rosbag2_player' in each.node for each in facts.around.publishers or ())
-
-
-def _apart(offset: int, stamp: int) -> str:
-    """Return how far a stamp is from a clock, and what such an offset is."""
-    name = known_offset(offset) or (
-        'counted since power-on' if offset < 0 < stamp < SINCE_START else '')
-    return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
-            f'{"ahead of" if offset > 0 else "behind"}')
 
 
 def data_offset(facts: Facts) -> int:
@@ -619,7 +648,7 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
     if not edge or not edge.has_dropped:
         return
     age = edge.latest - facts.time
-    if edge.cache_time < age <= _LONGEST_CACHE and not (
+    if edge.cache_time < age <= LONGEST_CACHE and not (
             facts.around.now and arrives(facts) and _is_data_off(facts)):
         remedy = f'pass cache_time={ceil(age / SECOND) + 1} s to the buffer, or look up sooner'
         yield Evidence(

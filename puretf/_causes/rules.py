@@ -1,6 +1,7 @@
 """The form of a rule, which finds one cause in facts."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+import re
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -10,6 +11,8 @@ class Evidence(NamedTuple):
 
     text: str  #: what was observed, as a sentence without its period
     values: Mapping[str, object] = MappingProxyType({})  #: those of the braces in the remedy
+    nodes: Sequence[str] = ()  #: the full names of the nodes that it names
+    topics: Sequence[str] = ()  #: the topics that it names
 
 
 class Rule(NamedTuple):
@@ -27,8 +30,13 @@ class Rule(NamedTuple):
     is_costly: bool = False
     #: False if only the process of the lookup can know it, so that tf_doctor cannot.
     is_on_wire: bool = True
-    severity: str = ''  #: in `tf_doctor`: 'error', 'warning' or 'info'
+    severity: str = 'error'  #: in `tf_doctor`; or 'warning' or 'info'
     meaning: str = ''  #: in `tf_doctor`: what the fault is
+
+    @property
+    def advice(self) -> str:
+        """The remedy without values."""
+        return re.sub(r'{(\w+)}', r'the \1', self.remedy)
 
 
 class Cause(NamedTuple):
@@ -54,6 +62,11 @@ def registry(rules: dict[str, Rule]) -> Callable[..., Callable[[Any], Any]]:
     return rule
 
 
+def known(rules: Iterable[Rule], not_known: Collection[str]) -> list[Rule]:
+    """Return the rules for which all is known that they need."""
+    return [rule for rule in rules if not any(need in not_known for need in rule.needs)]
+
+
 def causes(rules: Iterable[Rule], facts: Any, symptom: str) -> list[Cause]:
     """
     Return the causes of a symptom, the most certain first.
@@ -62,8 +75,7 @@ def causes(rules: Iterable[Rule], facts: Any, symptom: str) -> list[Cause]:
 
     :param facts: the first argument of the rules; `not_known` has what is not known.
     """
-    relevant = [rule for rule in rules if symptom in rule.symptoms
-                and not any(need in facts.not_known for need in rule.needs)]
+    relevant = [rule for rule in known(rules, facts.not_known) if symptom in rule.symptoms]
     for is_costly in False, True:
         found = [*_satisfied([rule for rule in relevant if rule.is_costly == is_costly], facts)]
         if found:

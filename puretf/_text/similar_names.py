@@ -144,17 +144,19 @@ _DIFFERENCES: dict[str, Callable[[str], str]] = {
 _REP_105 = 'earth', 'map', 'odom', 'base_link', 'base_footprint'
 
 
-def has_prefix(name: str, other: str) -> bool:
+@lru_cache(maxsize=8192)
+def without_prefix(name: str) -> set[str]:
     """
-    Return whether a name is another one with a namespace, or with a prefix or suffix of REP 105's.
+    Return the names that a name is with a namespace, or with a prefix or suffix of REP 105's.
 
-    >>> has_prefix('robot1/tool', 'tool'), has_prefix('odom_combined', 'odom')
-    (True, True)
-    >>> has_prefix('left_wheel', 'wheel'), has_prefix('tool', 'tool')
-    (False, False)
+    >>> without_prefix('robot1/tool'), without_prefix('odom_combined')
+    ({'tool'}, {'odom'})
+    >>> without_prefix('left_wheel')
+    set()
     """
-    return name.endswith(f'/{other}') or (name != other and other in _REP_105 and (
-        name.endswith(other) or name.startswith(f'{other}_')))
+    return {name[i + 1:] for i, letter in enumerate(name) if letter == '/'} | {
+        other for other in _REP_105 if name != other and (
+            name.endswith(other) or name.startswith(f'{other}_'))}
 
 
 def may_be_one_robot(topic: str, other: str) -> bool:

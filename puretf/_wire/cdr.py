@@ -183,9 +183,9 @@ def key(data: bytes) -> bytes:
 _unpack_header, _unpack_header_big = (struct.Struct(f'{order}iII').unpack_from for order in '<>')
 
 
-def header(data: bytes) -> tuple[int, bytes]:
+def header(data: bytes) -> tuple[int, bytes, int]:
     """
-    Return the stamp (ns) and the bytes of the frame_id of a message that begins with a Header.
+    Return the stamp (ns), the bytes of the frame_id and nanosec of a message with a Header.
 
     If the bytes end too early, raise a struct.error.
     """
@@ -193,12 +193,13 @@ def header(data: bytes) -> tuple[int, bytes]:
     return stamp_and_name(data, *unpack(data, 4))
 
 
-def stamp_and_name(data: bytes, sec: int, nanosec: int, length: int) -> tuple[int, bytes]:
+def stamp_and_name(data: bytes, sec: int, nanosec: int, length: int
+                   ) -> tuple[int, bytes, int]:
     """Return what `header` returns, for a frame_id of `length` bytes."""
     name = data[16:16 + length]
     if len(name) < length:
         raise struct.error('the bytes end in the middle of the frame_id')
-    return sec * SECOND + nanosec, name
+    return sec * SECOND + nanosec, name, nanosec
 
 
 STAMP = '<iI'

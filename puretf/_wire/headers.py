@@ -32,6 +32,7 @@ class Headers:
         self.frame_numbers = array('q')  #: by message: the frame
         self.arrivals = array('q')  #: by message: the time of arrival or of the recording (ns)
         self.stamps = array('q')  #: by message: the stamp (ns)
+        self.nanosec = 0  #: the largest nanosec of a stamp, which should be less than a second
 
     def _halve(self) -> None:
         self.frame_numbers, self.arrivals, self.stamps = (
@@ -46,7 +47,7 @@ class Headers:
     def add(self, arrival: int, data: bytes) -> None:
         """Add the header of a message, unless it is damaged; the arrival in ns."""
         try:
-            stamp, name = self._header(data)
+            stamp, name, nanosec = self._header(data)
         except struct.error:
             return
         if (number := self._learn(name)) is None:
@@ -57,6 +58,7 @@ class Headers:
             self.frame_numbers.append(number)
             self.arrivals.append(arrival)
             self.stamps.append(stamp)
+            self.nanosec = max(self.nanosec, nanosec)
 
     def add_frame(self, data: bytes) -> None:
         """Add the frame of a message, but not its times."""

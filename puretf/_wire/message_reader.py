@@ -38,7 +38,7 @@ class Encoding(Protocol):
     def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
         """See `cdr.layout`."""
 
-    def header(self, data: bytes) -> tuple[int, bytes]:
+    def header(self, data: bytes) -> tuple[int, bytes, int]:
         """See `cdr.header`."""
 
 
@@ -70,12 +70,12 @@ class Layout:
         return self, fields[2::4], fields[5::4]
 
     def arrays(self, stamps: bytes, poses: bytearray
-               ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Convert the parts of m messages: (m, n) stamps (ns), and (m, n, 7) poses."""
+               ) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
+        """Convert parts of m messages: (m, n) stamps (ns), (m, n, 7) poses, largest nanosec."""
         number = len(self.edges)
         times = np.frombuffer(stamps, self._stamp_type).reshape(-1, number)
         return (times['sec'].astype(np.int64) * SECOND + times['nanosec'],
-                np.frombuffer(poses, '<f8').reshape(-1, number, 7))
+                np.frombuffer(poses, '<f8').reshape(-1, number, 7), int(times['nanosec'].max()))
 
 
 class KnownLayouts:

@@ -67,7 +67,7 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-def header(data: bytes) -> tuple[int, bytes]:
+def header(data: bytes) -> tuple[int, bytes, int]:
     """Return what `cdr.header` returns."""
     return stamp_and_name(data, *_unpack_header(data))
 

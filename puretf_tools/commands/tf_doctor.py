@@ -69,7 +69,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: Whe
     if list_codes:
         for check in CHECKS.values():
             print(f'{check.code} ({check.severity})',
-                  *wrapped(f'{check.meaning} {check.remedy}', '    '), sep='\n')
+                  *wrapped(f'{check.meaning} {check.advice}'.strip(), '    '), sep='\n')
         return 0
     if words is not None:
         try:
@@ -263,7 +263,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
                 '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
             other_namespaces=listener.other_topics_hint(), end=listening.end,
             stamp_clock=listener.clock, ahead=listener.ahead, clock_text=listener.clock_text(),
-            clock_stands=clock.stands(), clock_nodes=clock.nodes())
+            clock_stands=clock.stands(), clock_nodes=clock.nodes(), around=listener.around())
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:

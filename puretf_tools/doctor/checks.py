@@ -21,7 +21,16 @@ from puretf import (
     suggest_names,
     TF_MESSAGE,
 )
-from puretf._causes.clocks import known_offset, SINCE_START
+from puretf._causes.clocks import apart, known_offset, SINCE_START
+from puretf._causes.lookups import (
+    LONGEST_CACHE,
+    part_prefix,
+    part_prefix_text,
+    remap,
+    remap_both,
+    RULES,
+)
+from puretf._causes.rules import known, registry, Rule
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
 from puretf_tools.doctor.tf_statistics import (
@@ -31,7 +40,7 @@ from puretf_tools.doctor.tf_statistics import (
     SMALLEST_JUMP,
     Track,
 )
-from puretf_tools.inspection.feeds import half_remedy, half_text, rivals, Sender
+from puretf_tools.inspection.feeds import half_text, rivals, Sender
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
@@ -57,10 +66,20 @@ _CONSTANT = 0.8
 _MANY_REFUSED = 10
 #: /clock is slow if the time from one message to the next one is longer (ns).
 _SLOW_CLOCK = 0.11 * SECOND
+#: A frame is handed over if its parent changes at most so often, or for at most this part of its
+#: transforms.
+_FEW_SWITCHES, _SWITCHES = 2, 0.02
+#: No timeout that is longer than this (s) is proposed.
+_LONGEST_TIMEOUT = 10.0
+#: If the nanoseconds of stamps are all below the first number, while delays differ by more than
+#: the second one (ns), at this rate (Hz) or more, they are another unit.
+_FIRST_PART, _SPREAD, _LEAST_RATE = SECOND // 5, SECOND // 2, 5.0
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: The names of this many roots are compared with those of the other frames.
 _MOST_ROOTS = 100
+#: The codes of what is judged of the times of other messages.
+_OF_MESSAGES = ('message_other_clock', 'message_too_old', 'message_never', 'message_early')
 _child_of = attrgetter('child')
 
 
@@ -86,59 +105,53 @@ class _Fault(NamedTuple):
     frames: Optional[Iterable[str]] = None  #: None: those of the tracks
     topics: Sequence[str] = ()  #: further topics
     nodes: Sequence[str] = ()  #: further nodes
-    remedy: str = ''  #: '': that of the check
+    remedy: Optional[str] = ''  #: '': that of the check; None: nothing
     severity: str = ''  #: '': that of the check
     time: int = 0  #: as `Finding.time`
     #: The consequences of this fault, which are not reported. By code: the names of the frames or
     #: nodes; None: all.
     explains: Mapping[str, Optional[Collection[str]]] = MappingProxyType({})
+    values: Mapping[str, object] = MappingProxyType({})  #: as `Evidence.values`
+    code: str = ''  #: '': that of the check
 
 
-_Find = Callable[[Observation], Iterator[_Fault]]
+#: All checks, by their codes; their rules find `_Fault`s in an `Observation`.
+CHECKS: dict[str, Rule] = {}
+_check = registry(CHECKS)
 
 
-class Check(NamedTuple):
-    """A check, which looks for one kind of fault."""
-
-    code: str
-    severity: str  #: ERROR, WARNING or INFO
-    meaning: str  #: what the fault is
-    remedy: str  #: what to do, in one sentence
-    needs: str  #: what must be known, such as 'nodes'; '': nothing special
-    section: str  #: the heading in docs/troubleshooting.md
-    find: _Find
+def _same(code: str) -> tuple[str, str, str]:
+    """Return the code, the remedy and the section of a rule that errors have, too."""
+    return code, RULES[code].remedy, RULES[code].section
 
 
-#: All checks, by their codes.
-CHECKS: dict[str, Check] = {}
-
-
-def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = '',
-           section: str = 'Other faults') -> Callable[[_Find], _Find]:
-    def add(find: _Find) -> _Find:
-        CHECKS[code] = Check(code, severity, meaning, remedy, needs, section, find)
-        return find
-
-    return add
+def _find_same(code: str, observation: Observation) -> Iterator[_Fault]:
+    """Yield what a rule of errors finds in the facts of the ROS graph."""
+    for evidence in RULES[code].find(observation.facts):
+        yield _Fault(evidence.text, (), (), evidence.topics, evidence.nodes,
+                     RULES[code].remedy.format(**evidence.values) or None,
+                     explains=dict.fromkeys(RULES[code].explains))
 
 
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
     """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
     findings: list[Finding] = []
     explained: list[tuple[str, Optional[Collection[str]]]] = []
-    for check in CHECKS.values():
-        if check.code in ignored or check.needs in observation.not_known:
+    for check in known(CHECKS.values(), observation.not_known):
+        if check.code in ignored:
             continue
         for fault in check.find(observation):
+            rule = CHECKS[fault.code] if fault.code else check
             explained += fault.explains.items()
             topics = (observation.topics[track.is_static] for track in fault.tracks)
             nodes = map(observation.node_of, fault.tracks)
             frames = map(_child_of, fault.tracks) if fault.frames is None else fault.frames
             findings.append(Finding(
-                check.code, fault.severity or check.severity, tuple(dict.fromkeys(frames)),
+                rule.code, fault.severity or rule.severity, tuple(dict.fromkeys(frames)),
                 tuple(dict.fromkeys((*fault.topics, *topics))),
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
-                fault.remedy or check.remedy, check.section, fault.time))
+                '' if fault.remedy is None else
+                fault.remedy or rule.remedy.format(**fault.values), rule.section, fault.time))
     return sorted((finding for finding in findings if not any(
         finding.code == code and _is_among(finding, names) for code, names in explained)),
         key=lambda finding: SEVERITIES.index(finding.severity))
@@ -153,7 +166,7 @@ def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list
     """Return a text for each thing that is not known: the checks that need it, and why."""
     return [f'{", ".join(codes)}: {reason}' for need, reason in observation.not_known.items()
             if (codes := [check.code for check in CHECKS.values()
-                          if check.needs == need and check.code not in ignored])]
+                          if need in check.needs and check.code not in ignored])]
 
 
 def _names(names: Iterable[str]) -> str:
@@ -167,10 +180,8 @@ def _hertz(track: Track) -> str:
 # Errors
 
 
-@_check('no_transforms', ERROR,
-        'Nothing was received on /tf and /tf_static.',
-        'Start the nodes that publish transforms, in the same ROS domain.',
-        section='A frame does not exist')
+@_check('no_transforms', 'Start the nodes that publish transforms, in the same ROS domain.',
+        'A frame does not exist', meaning='Nothing was received on /tf and /tf_static.')
 def _no_transforms(observation: Observation) -> Iterator[_Fault]:
     is_explained = observation.other_namespaces or observation.recreated or any(
         endpoint.wrong_type for endpoint in observation.endpoints)
@@ -185,11 +196,20 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
                          remedy=remedy and f'{remedy}.')
 
 
-@_check('wrong_type', ERROR,
-        f'Messages on /tf or /tf_static have another type than {TF_MESSAGE}; no listener '
-        'receives them.',
-        'Send transforms with a TransformBroadcaster or a StaticTransformBroadcaster '
-        '(sendTransform), and other messages on another topic.', section='A frame does not exist')
+@_check(*_same('no_clock'), needs=('listeners',), meaning='Nodes use the time on /clock, and '
+        'nothing publishes it: their time does not begin.')
+def _no_clock(observation: Observation) -> Iterator[_Fault]:
+    yield from _find_same('no_clock', observation)
+
+
+@_check(*_same('no_robot_state_publisher'), needs=('listeners',),
+        meaning='Joint states have a publisher, but nothing publishes transforms.')
+def _no_robot_state_publisher(observation: Observation) -> Iterator[_Fault]:
+    yield from _find_same('no_robot_state_publisher', observation)
+
+
+@_check(*_same('wrong_type'), meaning='Messages on /tf or /tf_static have another type than '
+        f'{TF_MESSAGE}; no listener receives them.')
 def _wrong_type(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
         if endpoint.wrong_type:
@@ -198,11 +218,9 @@ def _wrong_type(observation: Observation) -> Iterator[_Fault]:
                          nodes=[endpoint.node])
 
 
-@_check('two_publishers', ERROR,
-        'Two publishers send the transform of one child at the same time, so the frame jumps '
-        'between two poses.',
-        'Stop one of the publishers, or give its frame another name.', 'nodes',
-        section='A frame jumps or flickers')
+@_check('two_publishers', 'Stop one of the publishers, or give its frame another name.',
+        'A frame jumps or flickers', needs=('nodes',), meaning='Two publishers send the '
+        'transform of one child at the same time, so the frame jumps between two poses.')
 def _two_publishers(observation: Observation) -> Iterator[_Fault]:
     pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
     again = {*chain.from_iterable(observation.recreated.values())}
@@ -233,10 +251,11 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
     return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
 
 
-@_check('many_publishers', ERROR,
-        'A node creates publishers on /tf or /tf_static again and again: what a new publisher '
-        'sends can be lost, and each of them costs all listeners memory and time.',
-        'Create the broadcaster once, with the node, and not in the callback of a timer.', 'nodes')
+@_check('many_publishers',
+        'Create the broadcaster once, with the node, and not in the callback of a timer.',
+        'Other faults', needs=('nodes',), meaning='A node creates publishers on /tf or '
+        '/tf_static again and again: what a new publisher sends can be lost, and each of them '
+        'costs all listeners memory and time.')
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
     for (node, topic), publishers in observation.recreated.items():
         found = {*publishers}
@@ -246,38 +265,62 @@ def _many_publishers(observation: Observation) -> Iterator[_Fault]:
                      [node])
 
 
-@_check('changing_parent', ERROR,
-        'The parent of a frame changes, so the tree has another shape at each change.',
-        'Let only one parent be published for the frame; if it has to be in two trees, publish '
-        'the inverse of one transform, with parent and child exchanged.',
-        section='A frame jumps or flickers')
+@_check(*_same('changing_parent'),
+        meaning='The parent of a frame changes, so the tree has another shape at each change.')
 def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     for child, tracks in observation.by_child.items():
-        parents = [*dict.fromkeys(parent for track in tracks for parent in track.parents)]
+        parents = {parent: track for track in tracks for parent in track.parents}
         if len(parents) > 1:
-            count = sum(track['count'] for track in tracks)
-            yield _Fault(f'{shortened(child)} has {len(parents)} parents in {count} transforms: '
-                         f'{_names(parents)}', tracks)
+            texts = [f'{quoted(parent)}{" (static)" * track.is_static}'
+                     f'{_by(observation, track)}' for parent, track in parents.items()]
+            is_handed = _is_handed_over(observation, tracks)
+            yield _Fault(f'{quoted(child)} has {len(parents)} parents in {total(tracks, "count")} '
+                         f'transforms: {comma_list(texts, SHOWN)}', tracks,
+                         remedy='If it was not handed over on purpose, let only one parent be '
+                         f'published for {quoted(child)}.' if is_handed else '',
+                         severity=INFO if is_handed else '', values={
+                             'frame': quoted(child) + _by_one(observation, tracks)},
+                         explains=dict.fromkeys(
+                             ('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp'),
+                             (child,)))
 
 
-@_check('static_and_dynamic', ERROR,
-        'A frame is published on /tf and on /tf_static; listeners use sometimes one of the two '
-        'transforms, and sometimes the other.',
-        'Publish the frame on one of the two topics only.', section='A frame jumps or flickers')
+def _by(observation: Observation, track: Track) -> str:
+    node = observation.node_of(track)
+    return f' by {shortened(node)}' if node else ''
+
+
+def _by_one(observation: Observation, tracks: Iterable[Track]) -> str:
+    nodes = {*map(observation.node_of, tracks)} - {''}
+    return f', by {" or ".join(map(shortened, sorted(nodes)))}' if len(nodes) > 1 else ''
+
+
+def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
+    """Return whether a frame seldom gets another parent, as when a gripper takes an object."""
+    return (not any(track.is_static for track in tracks)
+            and sum(track.switches for track in tracks) <= max(
+                _FEW_SWITCHES, _SWITCHES * total(tracks, 'count'))
+            and not any(_exist_together(observation, a, b) for a, b in combinations(tracks, 2)))
+
+
+@_check('static_and_dynamic', 'Let only one of the two topics have {frame}.',
+        'A frame jumps or flickers', meaning='A frame is published on /tf and on /tf_static; '
+        'listeners use sometimes one of the two transforms, and sometimes the other.')
 def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
     for child, tracks in observation.by_child.items():
-        counts = [sum(track['count'] for track in tracks if track.is_static == is_static)
+        groups = [[track for track in tracks if track.is_static == is_static]
                   for is_static in (False, True)]
-        if all(counts):
-            dynamic, static = observation.topics
-            yield _Fault(f'{shortened(child)}: {counts[0]} transforms on {dynamic}, {counts[1]} '
-                         f'on {static}', tracks)
+        if all(groups):
+            texts = [f'{total(group, "count")} on {topic}{_by(observation, group[-1])}'
+                     for group, topic in zip(groups, observation.topics)]
+            yield _Fault(f'transforms of {quoted(child)}: {", ".join(texts)}', tracks,
+                         values={'frame': quoted(child) + _by_one(observation, tracks)})
 
 
-@_check('loop', ERROR,
-        'Frames are parents of each other in a circle, so a lookup through them fails, or its '
-        'result depends on where it begins.',
-        'Remove one of the transforms: the frame at the top, such as map, must have no parent.')
+@_check('loop',
+        'Remove one of the transforms: the frame at the top, such as map, must have no parent.',
+        'Other faults', meaning='Frames are parents of each other in a circle, so a lookup '
+        'through them fails, or its result depends on where it begins.')
 def _loop(observation: Observation) -> Iterator[_Fault]:
     forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
                     for child, parent in observation.parents.items())
@@ -285,14 +328,14 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
         tracks = [track for name in loop for track in observation.by_child[name]]
         more = ['...'] if len(loop) > SHOWN else []
         yield _Fault(f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
-                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks)
+                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks,
+                     remedy='' if len(loop) > 1 else RULES['loop'].remedy)
 
 
-@_check('unknown_frame', ERROR,
-        'The headers of other messages name a frame that no transform leads to, so these '
-        'messages cannot be transformed.',
-        'Publish a transform to this frame, or correct the name in the program that sends the '
-        'messages.', 'headers', section='A frame does not exist')
+@_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
+        'that sends the messages.', 'A frame does not exist', needs=('headers',),
+        meaning='The headers of other messages name a frame that no transform leads to, so these '
+        'messages cannot be transformed.')
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     known = tuple(observation.tree_of)
     static = '' if any(track.is_static for track in observation.tracks) else (
@@ -305,16 +348,24 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
                          remedy=observation.missing_part)
 
 
-@_check('joint_without_state', ERROR,
-        'A movable joint of a robot description is in no joint states that robot_state_publisher '
-        'uses, so it sends no transform for it, and all links below it are cut off.',
-        'Send its position on the topic joint_states, with the time, and under the name that the '
-        'description gives it; joint_state_publisher does this.')
+@_check('joint_without_state', 'Send its position on the topic joint_states, with the time, and '
+        'under the name that the description gives it; joint_state_publisher does this.',
+        'A frame does not exist', meaning='A movable joint of a robot description is in no joint '
+        'states that robot_state_publisher uses, so it sends no transform for it, and all links '
+        'below it are cut off.')
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
+    is_found = False
     for robot, start in observation.own_robots:
         topic = joint_states_of(robot.topic)
+        others = [] if robot.states else [
+            each for each in robot.elsewhere
+            if each not in map(joint_states_of, (other.topic for other in observation.robots))]
         known = (f'which names {_names(sorted(robot.states))}' if robot.states else
                  'where nothing was received')
+        if others:
+            nodes = observation.around.joint_states.get(others[0], ())
+            known += f'; joint states are on {_names(others)}' + (
+                f' of {_names(nodes)}' if nodes else '')
         silent: dict[str, list[str]] = {}
         for joint, links in robot.joints.items():
             # The name of a link can be known without a transform to it, from a child of the link.
@@ -327,13 +378,19 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
         for where, joints in silent.items():
             yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
                          f'{_names(joints)}', (), [start + link for joint in joints
-                                                   for link in robot.joints[joint]], [topic])
+                                                   for link in robot.joints[joint]], [topic],
+                         nodes if others else (),
+                         remap(topic, others[0]) if others else '', explains={
+                             'link_without_transform': [start + link for link in robot.links],
+                             'no_transforms': None} if others else {})
+            is_found = True
+    if not is_found:
+        yield from _find_same('joint_without_state', observation)
 
 
-@_check('disconnected', ERROR,
-        'The headers of other messages name frames of different trees, so these messages cannot '
-        'be transformed into one frame.',
-        'Publish a transform between the trees.', 'headers', section='Two unconnected trees')
+@_check('disconnected', 'Publish a transform between the trees.', 'Two unconnected trees',
+        needs=('headers',), meaning='The headers of other messages name frames of different '
+        'trees, so these messages cannot be transformed into one frame.')
 def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own.
@@ -359,10 +416,8 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
                 remedy=observation.missing_part)
 
 
-@_check('static_not_latched', ERROR,
-        'A publisher on /tf_static does not keep its messages for later listeners.',
-        'Give the publisher the durability TRANSIENT_LOCAL, or use a StaticTransformBroadcaster.',
-        'qos', section='The QoS of /tf_static')
+@_check(*_same('static_not_latched'), needs=('qos',),
+        meaning='A publisher on /tf_static does not keep its messages for later listeners.')
 def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
         if endpoint.unlatched:
@@ -371,21 +426,19 @@ def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
                          f'{endpoint.unlatched}', topics=[endpoint.topic], nodes=[endpoint.node])
 
 
-@_check('volatile_listener', WARNING,
-        'A subscription to /tf_static is not transient local: if it is created after a static '
-        'transform was sent, it does not receive it.',
+@_check('volatile_listener',
         'Use a TransformListener, or give the subscription the durability TRANSIENT_LOCAL.',
-        'listeners', section='The QoS of /tf_static')
+        'The QoS of /tf_static', severity=WARNING, needs=('listeners',),
+        meaning='A subscription to /tf_static is not transient local: if it is created after a '
+        'static transform was sent, it does not receive it.')
 def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
     for node in observation.volatile_listeners:
         yield _Fault(f'1 subscription of {node or "a node"} to {observation.topics[1]} has the '
                      'durability VOLATILE', topics=observation.topics[1:], nodes=[node])
 
 
-@_check('incompatible_qos', ERROR,
-        'A listener receives nothing from a publisher, because their QoS do not match.',
-        'Give the publisher the QoS of a TransformBroadcaster (reliable), or correct that of the '
-        'listener.', 'listeners', section='The QoS of /tf_static')
+@_check(*_same('incompatible_qos'), needs=('listeners',),
+        meaning='A listener receives nothing from a publisher, because their QoS do not match.')
 def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
         if endpoint.mismatch and not endpoint.unlatched:
@@ -393,19 +446,15 @@ def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
                          f'{endpoint.mismatch}', topics=[endpoint.topic], nodes=[endpoint.node])
 
 
-@_check('not_a_number', ERROR,
-        'A transform contains NaN or an infinite number; listeners refuse it.',
-        'Find out where the program computes the number: often a division by zero or a missing '
-        'measurement.')
+@_check(*_same('not_a_number'),
+        meaning='A transform contains NaN or an infinite number; listeners refuse it.')
 def _not_a_number(observation: Observation) -> Iterator[_Fault]:
     yield from _counted(observation, 'invalid', 'with NaN or an infinite number')
 
 
-@_check('unnormalized', ERROR,
-        f'The norm of a quaternion differs from 1 by more than {NORM_TOLERANCE:g}, so it is not '
-        'a rotation.',
-        'Normalise the quaternion before it is sent; all zeros often mean that it was never set: '
-        'set w = 1.')
+@_check('unnormalized', 'Normalise the quaternion before it is sent; all zeros often mean that '
+        'it was never set: set w = 1.', 'Other faults', meaning='The norm of a quaternion '
+        f'differs from 1 by more than {NORM_TOLERANCE:g}, so it is not a rotation.')
 def _unnormalized(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(itemgetter('unnormalized')):
         worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
@@ -424,10 +473,9 @@ def _share(tracks: Sequence[Track], field: str) -> str:
             f'{_names(map(_child_of, tracks))}')
 
 
-@_check('other_clock', ERROR,
-        f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: they are '
-        'from another clock, so lookups at the present time fail.',
-        'Look at the clock that stamps them.', section='use_sim_time and the wall clock')
+@_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock',
+        meaning=f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: '
+        'they are from another clock, so lookups at the present time fail.')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     # If one such stamp makes others old, `time_goes_back` says it.
     told = {observation.refused[track].by for track in observation.refused
@@ -500,40 +548,86 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
                          f'those of {shortened(clock.child)}', [track])
 
 
-@_check('frozen_stamp', ERROR,
-        'The stamp of a frame never advances, so lookups through it fail at any other time, and '
-        'the latest time of all frames is this stamp.',
-        'Take the time anew before each sendTransform or, if the frame does not move, publish it '
-        'by a StaticTransformBroadcaster.', section='Only one time is in the buffer')
+@_check('nanosec', f'Set nanosec to the nanoseconds within the second, below {SECOND}.',
+        'use_sim_time and the wall clock', meaning='The field nanosec of stamps is not the '
+        'nanoseconds within the second, so the stamps jump to and fro.')
+def _nanosec(observation: Observation) -> Iterator[_Fault]:
+    statistics = observation.statistics
+    for (publisher, is_static), (largest, children) in statistics.too_many_ns.items():
+        yield _of_nanosec(
+            observation, f'nanosec is up to {largest} in stamps of {_names(sorted(children))}',
+            sorted(children), observation.topics[is_static],
+            [observation.nodes.get(publisher, '')])
+    for track in observation.tracks:
+        if track['greatest_delay'] - track['least_delay'] > _SPREAD and (
+                text := _first_part(*statistics.arrivals(statistics.together([track])))):
+            yield _of_nanosec(observation, f'{text} in stamps of {shortened(track.child)}',
+                              [track.child], observation.topics[0], [observation.node_of(track)])
+    for topic in observation.message_times:
+        largest = observation.headers[topic.topic].nanosec
+        text = (f'nanosec is up to {largest}' if largest >= SECOND else
+                _first_part(topic.arrivals, topic.stamps))
+        if text:
+            yield _of_nanosec(observation, f'{text} in stamps on {shortened(topic.topic)}',
+                              topic.frames, topic.topic,
+                              observation.senders.get(topic.topic, ()))
+
+
+def _of_nanosec(observation: Observation, text: str, frames: Sequence[str], topic: str,
+                nodes: Sequence[str]) -> _Fault:
+    is_tf = topic in observation.topics
+    return _Fault(text, (), frames, [topic], nodes, explains={
+        **dict.fromkeys(('late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back')
+                        if is_tf else (), frames),
+        **dict.fromkeys(_OF_MESSAGES, _below(observation, frames) if is_tf else frames)})
+
+
+def _first_part(arrivals: NDArray[np.int64], stamps: NDArray[np.int64]) -> str:
+    """Return what is odd with the nanoseconds of stamps, if they are another unit; else ''."""
+    arrivals, stamps = arrivals[stamps != 0], stamps[stamps != 0]
+    if len(stamps) < _FEWEST:
+        return ''
+    span, delays, largest = np.ptp(stamps), arrivals - stamps, int((stamps % SECOND).max())
+    if largest > _FIRST_PART or np.ptp(delays) < _SPREAD or span < 2 * SECOND or (
+            len(stamps) * SECOND < _LEAST_RATE * span):
+        return ''
+    unit = ('milliseconds' if largest < 1000 else 'microseconds' if largest < 1_000_000 else '')
+    return f'nanosec is never above {largest}{f", as {unit} are," if unit else ""}'
+
+
+def _below(observation: Observation, frames: Collection[str]) -> set[str]:
+    """Return frames, and those below them."""
+    return {*frames, *(frame for frame in observation.parents
+                       if not {*frames}.isdisjoint(observation.ancestors(frame)))}
+
+
+@_check(*_same('frozen_stamp'), meaning='The stamp of a frame never advances, so lookups through '
+        'it fail at any other time, and the latest time of all frames is this stamp.')
 def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(attrgetter('is_frozen')):
         stamps = sorted({track['latest'] for track in tracks})
         children = [track.child for track in tracks]
-        below = {*children, *(frame for frame in observation.parents
-                              if not {*children}.isdisjoint(observation.ancestors(frame)))}
         yield _Fault(
             f'all {total(tracks, "count")} transforms of {_names(children)} have the stamp'
             f'{"s" * (len(stamps) > 1)} {comma_list([*map(exact_time, stamps)], SHOWN)}',
             tracks, explains={
                 **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back'), children),
-                **{code: below for code in CHECKS if code.startswith('message_')}})
+                **dict.fromkeys(_OF_MESSAGES, _below(observation, children))})
 
 
-@_check('zero_stamp', ERROR,
-        'Transforms on /tf have the stamp 0, so lookups at any other time fail.',
-        'Set the stamp to the time for which the transform is valid; with use_sim_time, wait '
-        'until /clock is received.', section='use_sim_time and the wall clock')
+@_check('zero_stamp', 'Set the stamp to the time for which the transform is valid; with '
+        'use_sim_time, wait until /clock is received.', 'use_sim_time and the wall clock',
+        meaning='Transforms on /tf have the stamp 0, so lookups at any other time fail.')
 def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
     # A simulation may begin with a single stamp 0.
     yield from _counted(observation, 'zero_stamps', 'with the stamp 0', lambda track: (
         track['zero_stamps'] > 1 or not 0 < track['oldest'] < OTHER_CLOCK))
 
 
-@_check('message_other_clock', ERROR,
-        f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those of all '
-        'transforms, so the messages cannot be transformed.',
-        'Look at the clock that stamps the messages.', 'headers',
-        section='use_sim_time and the wall clock')
+@_check('message_other_clock', 'Look at the clock that stamps the messages.',
+        'use_sim_time and the wall clock', needs=('headers',),
+        meaning=f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those '
+        'of all transforms, so the messages cannot be transformed.')
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
                  default=0)
@@ -545,28 +639,34 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{"before" if stamp < newest else "after"} the newest transform'
             f'{_known_offset(observation, int(topic.arrivals[found][-1]) - stamp, stamp)}',
             _clock_remedy(observation, stamp))
+    for topic, offset in observation.off_clock.values():
+        senders = observation.senders.get(topic.topic, ())
+        yield _of_topic(
+            observation, topic, topic.stamps != 0, 'have stamps of another clock: the clock of '
+            f'{_names(senders or [topic.topic])} is {apart(offset, int(topic.stamps[-1]))}; '
+            f'{observation.topics[0]} is in time')
 
 
-@_check('message_too_old', ERROR,
-        f'When messages arrive, a listener that keeps transforms for {CACHE // SECOND} s has '
-        'dropped those of their stamps.',
-        'Send the messages sooner, or give the listener a longer cache_time.', 'headers',
-        section='Messages are earlier than all data in the cache')
+@_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
+        'Messages are earlier than all data in the cache', needs=('headers',),
+        meaning=f'When messages arrive, a listener that keeps transforms for {CACHE // SECOND} s '
+        'has dropped those of their stamps.')
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.TOO_OLD):
         cache = int(topic.waits[found].max())
+        if cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks):
+            continue  # see other_clock
         yield _of_topic(
             observation, topic, found, 'are too old: when they arrive, their transforms are up to '
-            f'{in_words(cache)} older than the newest ones',
+            f'{in_words(cache)}{_known(-cache)} older than the newest ones',
             'Send the messages sooner, or give the listener a cache_time of '
-            f'{ceil(cache / SECOND) + 1} s.')
+            f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE else None)
 
 
-@_check('message_never', ERROR,
-        'The transforms never reach the stamps of messages, so these wait in vain.',
-        'Look at the node that publishes the frame: has it stopped, is its clock slow, or does it '
-        'send so rarely that --time must be longer?', 'headers',
-        section='The queue of a message filter is full')
+@_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its '
+        'clock slow, or does it send so rarely that --time must be longer?',
+        'The queue of a message filter is full', needs=('headers',),
+        meaning='The transforms never reach the stamps of messages, so these wait in vain.')
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.NEVER):
         topic, found = topics[0]
@@ -579,10 +679,17 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
         yield fault._replace(time=int(edge.end))
 
 
+def _known(offset: int) -> str:
+    name = known_offset(offset)
+    return f' ({name})' if name else ''
+
+
 def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
     """Yield the topics with many messages of a verdict, and which of their messages these are."""
     for topic in observation.message_times:
+        if topic.topic in observation.off_clock:
+            continue  # see message_other_clock
         found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
         total = len(found) if verdict is Verdict.ZERO_STAMP else topic.judged
         if found.any() and found.sum() >= _SHARE * total:
@@ -602,7 +709,7 @@ def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
 
 
 def _of_topic(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_], what: str,
-              remedy: str = '') -> _Fault:
+              remedy: Optional[str] = '') -> _Fault:
     """Return a fault of those messages of a topic that were found."""
     return _Fault(
         f'{_part(topic, found)} {what}', (), _frames_of(topic, found), [topic.topic],
@@ -610,8 +717,8 @@ def _of_topic(observation: Observation, topic: MessageTimes, found: NDArray[np.b
 
 
 def _of_edge(observation: Observation, edge: Edge,
-             topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str, remedy: str = ''
-             ) -> _Fault:
+             topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str,
+             remedy: Optional[str] = '') -> _Fault:
     """Return a fault of messages that wait for an edge; `what` is said of those of one topic."""
     others = [topic.topic for topic, _ in topics[1:]]
     more = f'; so do messages on {_names(others)}' if others else ''
@@ -654,11 +761,11 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
             f'{f" of {node}" if node else ""}')
 
 
-@_check('half_namespace', ERROR,
-        'Transforms on other topics continue the tree: some nodes of a robot use /tf and '
-        '/tf_static, and others those of a namespace, so no listener receives the whole tree.',
+@_check('half_namespace',
         'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.',
-        section='Half of a robot is in a namespace')
+        'Half of a robot is in a namespace', meaning='Transforms on other topics continue the '
+        'tree: some nodes of a robot use /tf and /tf_static, and others those of a namespace, so '
+        'no listener receives the whole tree.')
 def _half_namespace(observation: Observation) -> Iterator[_Fault]:
     for half in observation.halves:
         tracks = [track for track in observation.tracks if half.joint in (
@@ -667,16 +774,16 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
         nodes = dict.fromkeys(filter(None, map(observation.node_of, tracks)))
         yield _Fault(
             half_text(half, topics, [*nodes]), tracks, [half.joint], half.topics, half.nodes,
-            half_remedy(half, observation.topics[0]),
+            remap_both(max(half.base, observation.topics[0],
+                           key=lambda each: (each.count('/'), each))) + '.',
             explains={'several_trees': None, 'disconnected': None, 'other_namespace': None,
                       'unknown_frame': half.frames})
 
 
-@_check('two_joint_publishers', ERROR,
-        'Two nodes send the position of the same joint, so robot_state_publisher mixes them: the '
-        'frame jumps, or one of the two is ignored.',
-        'Stop one of the two nodes, or remap its topic.',
-        section='Two nodes on /joint_states or /clock')
+@_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.',
+        'Two nodes on /joint_states or /clock', meaning='Two nodes send the position of the same '
+        'joint, so robot_state_publisher mixes them: the frame jumps, or one of the two is '
+        'ignored.')
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
     for topic, all_senders in observation.joint_senders.items():
         if not observation.is_own(topic):
@@ -718,11 +825,10 @@ def _counts(senders: Sequence[Sender]) -> str:
     return ' and '.join(str(sender.count) for sender in senders)
 
 
-@_check('two_clocks', ERROR,
-        'Two nodes publish /clock, so the time jumps back and forth, and buffers of nodes that '
-        'use it are cleared again and again.',
-        'Let one node publish /clock: stop the other simulation or bridge, or play the bag '
-        'without --clock.', section='Two nodes on /joint_states or /clock')
+@_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or play '
+        'the bag without --clock.', 'Two nodes on /joint_states or /clock',
+        meaning='Two nodes publish /clock, so the time jumps back and forth, and buffers of '
+        'nodes that use it are cleared again and again.')
 def _two_clocks(observation: Observation) -> Iterator[_Fault]:
     if senders := rivals(observation.clocks):
         times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
@@ -735,10 +841,9 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
                                     'gap', 'one_shot', 'slow_clock'], None))
 
 
-@_check('clock_stands', WARNING,
-        'The time on /clock does not advance, so nodes that use it send no new stamps.',
-        'Let the simulation or the bag go on if it is paused; otherwise, look at the node that '
-        'publishes /clock.', section='use_sim_time and the wall clock')
+@_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look at '
+        'the node that publishes /clock.', 'use_sim_time and the wall clock', severity=WARNING,
+        meaning='The time on /clock does not advance, so nodes that use it send no new stamps.')
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     if observation.clock_stands:
         nodes, stamps = observation.clock_nodes, [each.stamp for each in observation.clocks]
@@ -751,11 +856,9 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
                 ['zero_stamp'] if stamps[-1:] == [0] else [])], None))
 
 
-@_check('use_sim_time_differs', WARNING,
-        'While /clock is published, the parameter use_sim_time is true in some nodes and false '
-        'in others, so their stamps and lookups are on different clocks.',
-        'Set use_sim_time in all of these nodes (--ros-args -p use_sim_time:=true), or in none.',
-        section='use_sim_time and the wall clock')
+@_check(*_same('use_sim_time_differs'), severity=WARNING, meaning='While /clock is published, '
+        'the parameter use_sim_time is true in some nodes and false in others, so their stamps '
+        'and lookups are on different clocks.')
 def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     answers = observation.use_sim_time
     using = [node for node, uses in answers.items() if uses]
@@ -797,13 +900,12 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 # Warnings
 
 
-@_check('gap', WARNING,
-        f'The time from one stamp to the next one is often longer than {_GAP} periods, or once '
-        f'much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published any '
-        'more; lookups in between interpolate over the gap or wait.',
-        'Look at the node that publishes the frame: has it stopped, is it busy, does it lose '
-        'input, or does it publish only when something happens?',
-        section='Extrapolation into the future')
+@_check('gap', 'Look at the node that publishes the frame: has it stopped, is it busy, does it '
+        'lose input, or does it publish only when something happens?',
+        'Extrapolation into the future', severity=WARNING,
+        meaning=f'The time from one stamp to the next one is often longer than {_GAP} periods, or '
+        f'once much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published '
+        'any more; lookups in between interpolate over the gap or wait.')
 def _gap(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(_has_gap):
         worst = max(tracks, key=itemgetter('largest_step'))
@@ -835,11 +937,10 @@ def _has_gap(track: Track) -> bool:
         or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
 
 
-@_check('message_early', WARNING,
-        f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
-        'so lookups without a timeout fail.',
-        'Wait for the transforms, or make the publisher send them sooner.', 'headers',
-        section='Extrapolation into the future')
+@_check('message_early', 'Wait for the transforms, or make the publisher send them sooner.',
+        'Extrapolation into the future', severity=WARNING, needs=('headers',),
+        meaning=f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their '
+        'stamps, so lookups without a timeout fail.')
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         topics.sort(key=lambda each: -each[0].quantiles()[2])
@@ -848,26 +949,26 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
         yield _of_edge(
             observation, edge, topics, 'can be transformed only after waiting for the edge '
             f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
-            f'{largest:.3g} s (largest)',
+            f'{largest:.3g} s (largest){_known(round(largest * SECOND))}',
+            None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
             '...). Or make the publisher send the transforms sooner.')
 
 
-@_check('message_zero_stamp', WARNING,
-        'Messages have the stamp 0, so every lookup takes the latest transform.',
-        'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
-        'received.', 'headers', section='use_sim_time and the wall clock')
+@_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
+        'wait until /clock is received.', 'use_sim_time and the wall clock', severity=WARNING,
+        needs=('headers',),
+        meaning='Messages have the stamp 0, so every lookup takes the latest transform.')
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
         yield _of_topic(observation, topic, found, 'have the stamp 0')
 
 
-@_check('jump', WARNING,
-        f'A frame moves from one pose to the next {_JUMP} times as fast as it does otherwise; two '
-        'publishers or a wrong measurement can be the cause.',
-        'If two nodes publish the frame, stop one of them; otherwise, look at the node that '
-        'computes its pose.', section='A frame jumps or flickers')
+@_check('jump', 'If two nodes publish the frame, stop one of them; otherwise, look at the node '
+        'that computes its pose.', 'A frame jumps or flickers', severity=WARNING,
+        meaning=f'A frame moves from one pose to the next {_JUMP} times as fast as it does '
+        'otherwise; two publishers or a wrong measurement can be the cause.')
 def _jump(observation: Observation) -> Iterator[_Fault]:
     for track in observation.tracks:
         limit = _JUMP * track['usual_speed']
@@ -885,10 +986,8 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
             severity=INFO if is_localisation else '', time=int(track['jump_at']))
 
 
-@_check('one_shot', WARNING,
-        'A frame was sent once on /tf and never again, so it is in the past of all other frames.',
-        'If it does not move, publish it on /tf_static, by a StaticTransformBroadcaster; '
-        'otherwise, publish it again and again.', section='Only one time is in the buffer')
+@_check(*_same('one_shot'), severity=WARNING, meaning='A frame was sent once on /tf and never '
+        'again, so it is in the past of all other frames.')
 def _one_shot(observation: Observation) -> Iterator[_Fault]:
     end = max([observation.end, *(track['last_time'] for track in observation.tracks)])
     once = {track for tracks in observation.by_child.values()
@@ -899,12 +998,10 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
                      f'{in_words(end - tracks[0]["last_time"])}', tracks)
 
 
-@_check('late', WARNING,
-        f'Transforms arrive more than {LATE / SECOND:g} s after their stamp; lookups at the '
-        'present time wait for them.',
-        'Look at the node that publishes the frame and at the network: one of them is too slow, '
-        'or the clocks of two computers differ.', 'arrivals',
-        section='Extrapolation into the future')
+@_check('late', 'Look at the node that publishes the frame and at the network: one of them is '
+        'too slow, or the clocks of two computers differ.', 'Extrapolation into the future',
+        severity=WARNING, needs=('arrivals',), meaning='Transforms arrive more than '
+        f'{LATE / SECOND:g} s after their stamp; lookups at the present time wait for them.')
 def _late(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
@@ -920,11 +1017,10 @@ def _is_frequent(track: Track, field: str) -> bool:
     return bool(track[field] > _SHARE * track['delays']) and not track.is_frozen
 
 
-@_check('future', WARNING,
-        f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.',
-        'Compare the clocks of the computers; some localisation nodes date their transforms '
-        'into the future on purpose (transform_tolerance).', 'arrivals',
-        section='use_sim_time and the wall clock')
+@_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
+        'transforms into the future on purpose (transform_tolerance).',
+        'use_sim_time and the wall clock', severity=WARNING, needs=('arrivals',),
+        meaning=f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.')
 def _future(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'future')):
         worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
@@ -945,15 +1041,21 @@ def _future(observation: Observation) -> Iterator[_Fault]:
                 if is_synchronised else ''))
 
 
-@_check('time_goes_back', WARNING,
-        f'A stamp is earlier than the one before it; listeners refuse those that are more than '
-        f'{CACHE // SECOND} s earlier.',
-        'Send the transforms of a frame in the order of their stamps; if a simulation or a bag '
-        'was started again, restart the listeners, too.', section='A jump back in time')
+@_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
+        'simulation or a bag was started again, restart the listeners, too.', 'TF_OLD_DATA',
+        severity=WARNING, meaning='A stamp is earlier than the one before it; listeners refuse '
+        f'those that are more than {CACHE // SECOND} s earlier.')
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: track['backwards'] or (
             _is_refused_for_another(observation, track))):
         worst = max(tracks, key=itemgetter('step_back'))
+        for track in tracks:
+            if track.alternates:
+                yield _Fault(
+                    f'the stamps of {quoted(track.child)} alternate between two clocks, '
+                    f'{in_words(track["step_back"])} apart', [track], time=int(
+                        track['step_back_at']), code='two_publishers', explains=dict.fromkeys(
+                            ('time_goes_back', 'jump'), (track.child,)))
         refused = [track for track in tracks if track in observation.refused]
         texts = [_refused_text(observation, refused)] if refused else []
         if worst['backwards']:
@@ -990,20 +1092,18 @@ def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
             f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
 
 
-@_check('same_stamp', WARNING,
-        'Two transforms of a frame have the same stamp and different poses; which of them is '
-        'used depends on the listener.',
-        'Set the stamp of each transform to its own time; if two nodes publish the frame, stop '
-        'one of them.', section='TF_REPEATED_DATA')
+@_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish the '
+        'frame, stop one of them.', 'TF_REPEATED_DATA', severity=WARNING,
+        meaning='Two transforms of a frame have the same stamp and different poses; which of '
+        'them is used depends on the listener.')
 def _same_stamp(observation: Observation) -> Iterator[_Fault]:
     yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
                         'pose', lambda track: not track.is_static)
 
 
-@_check('leading_slash', WARNING,
-        'The name of a frame begins with a slash, as in ROS 1; tf2 refuses lookups of such a '
-        'name.',
-        'Leave out the slash.', section='A leading slash, or a namespace')
+@_check('leading_slash', 'Leave out the slash.', 'A leading slash, or a namespace',
+        severity=WARNING, meaning='The name of a frame begins with a slash, as in ROS 1; tf2 '
+        'refuses lookups of such a name.')
 def _leading_slash(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(attrgetter('slashed')):
         names = sorted({name for track in tracks for name in track.slashed})
@@ -1015,9 +1115,8 @@ def _leading_slash(observation: Observation) -> Iterator[_Fault]:
                          frames=[frame], topics=topics)
 
 
-@_check('empty_name', WARNING,
-        'The name of a frame is empty; listeners refuse the transform.',
-        'Set frame_id and child_frame_id of each transform.')
+@_check(*_same('empty_name'), severity=WARNING,
+        meaning='The name of a frame is empty; listeners refuse the transform.')
 def _empty_name(observation: Observation) -> Iterator[_Fault]:
     for (publisher, is_static), names in observation.statistics.empty_names.items():
         others = sorted(filter(None, names))
@@ -1028,10 +1127,9 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
                      [observation.nodes.get(publisher, '')])
 
 
-@_check('similar_name', WARNING,
-        'The root of a tree has almost the same name as a frame of another tree; it may be a '
-        'mistake in the name that separates the trees.',
-        'If both are the same frame, use the same name.', section='Two unconnected trees')
+@_check('similar_name', 'If both are the same frame, use the same name.', 'Two unconnected trees',
+        severity=WARNING, meaning='The root of a tree has almost the same name as a frame of '
+        'another tree; it may be a mistake in the name that separates the trees.')
 def _similar_name(observation: Observation) -> Iterator[_Fault]:
     roots = [root for tree in observation.trees for root in observation.roots(tree)]
     seen = set()
@@ -1047,55 +1145,69 @@ def _similar_name(observation: Observation) -> Iterator[_Fault]:
                     [track for track in observation.tracks if root in track.parents], [root, name])
 
 
+@_check(*_same('part_prefix'), meaning='A part of the frames of a robot has a prefix, and '
+        'another part has none, so the tree is in parts.')
+def _part_prefix(observation: Observation) -> Iterator[_Fault]:
+    for tree, other in combinations(observation.trees[:_MOST_ROOTS], 2):
+        if names := part_prefix(tree, other, observation.parents):
+            yield _Fault(part_prefix_text(names), [
+                track for track in observation.tracks
+                if not {track.child, *track.parents}.isdisjoint(names)], names,
+                explains=dict.fromkeys(('several_trees', 'disconnected')))
+
+
 def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
     """Return whether two trees are those of similar robots: the names differ on purpose."""
     return len(names) == len(others) and all(
         is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
 
 
-@_check('other_namespace', WARNING,
-        'Nothing publishes on /tf, but there are transforms on the topic tf of a namespace.',
-        'Use the option that is named above, or publish on /tf and /tf_static.',
-        section='A leading slash, or a namespace')
+@_check('other_namespace', 'Use the option that is named above, or publish on /tf and /tf_static.',
+        'A leading slash, or a namespace', severity=WARNING,
+        meaning='Nothing publishes on /tf, but there are transforms on the topic tf of a '
+        'namespace.')
 def _other_namespace(observation: Observation) -> Iterator[_Fault]:
     if observation.other_namespaces:
         yield _Fault(observation.other_namespaces, topics=observation.topics[:1])
 
 
-@_check('missing_part', WARNING,
-        'Only later parts of a split recording were read, and they have no static transforms.',
-        'Read all parts of the recording: give its directory, or all its files.',
-        section='No static transforms from a bag')
+@_check('missing_part', 'Read all parts of the recording: give its directory, or all its files.',
+        'No static transforms from a bag', severity=WARNING,
+        meaning='Only later parts of a split recording were read, and they have no static '
+        'transforms.')
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
     if observation.missing_part:
         yield _Fault(observation.missing_part, topics=observation.topics[1:])
 
 
-@_check('link_without_transform', WARNING,
-        'No transform leads to a link of a robot description, so its shapes are not drawn, and '
-        'its frame cannot be used.',
-        'Start robot_state_publisher with this description; if it runs, compare its frame_prefix '
-        'with the names of the frames.')
+@_check('link_without_transform', 'Start robot_state_publisher with this description; if it '
+        'runs, compare its frame_prefix with the names of the frames.', 'Other faults',
+        severity=WARNING, meaning='No transform leads to a link of a robot description, so its '
+        'shapes are not drawn, and its frame cannot be used.')
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
     for robot, start in observation.own_robots:
         silent = {link for joint, links in robot.joints.items() for link in links
                   if robot.states.get(joint) != ''}  # see joint_without_state
         # Only the root can be known by its children alone.
         known = observation.parents.keys() | ({start + robot.root} & observation.tree_of.keys())
-        missing = [start + link for link in robot.links
+        missing = [link for link in robot.links
                    if link not in silent and start + link not in known]
-        if missing:
-            yield _Fault(f'{len(missing)} of {len(robot.links)} links have no '
-                         f'transform: {_names(missing)}', (), missing, [robot.topic])
+        for found, remedy in (
+                ([link for link in missing if link not in robot.floating], ''),
+                ([link for link in missing if link in robot.floating],
+                 'Publish it: robot_state_publisher does not send floating or planar joints.')):
+            frames = [start + link for link in found]
+            if frames:
+                yield _Fault(f'{len(frames)} of {len(robot.links)} links have no transform: '
+                             f'{_names(frames)}', (), frames, [robot.topic], remedy=remedy)
 
 
 # Infos
 
 
-@_check('slow_clock', INFO,
-        'The time on /clock comes so rarely that the time of nodes that use it is behind the '
-        'stamps.',
-        'Raise the rate of /clock.', section='use_sim_time and the wall clock')
+@_check('slow_clock', 'Raise the rate of /clock.', 'use_sim_time and the wall clock',
+        severity=INFO, meaning='The time on /clock comes so rarely that the time of nodes that '
+        'use it is behind the stamps.')
 def _slow_clock(observation: Observation) -> Iterator[_Fault]:
     for sender in observation.clocks:
         period = (sender.last - sender.first) / max(1, sender.count - 1)
@@ -1105,10 +1217,15 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
                          [sender.node])
 
 
-@_check('several_trees', INFO,
-        'The transforms form several trees; lookups from one to another fail.',
-        'If the trees belong to one robot, publish a transform between them.',
-        section='Two unconnected trees')
+@_check(*_same('silent_publisher'), severity=INFO, needs=('listeners',),
+        meaning='Nothing has arrived from a publisher on /tf or /tf_static.')
+def _silent_publisher(observation: Observation) -> Iterator[_Fault]:
+    yield from _find_same('silent_publisher', observation)
+
+
+@_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',
+        'Two unconnected trees', severity=INFO,
+        meaning='The transforms form several trees; lookups from one to another fail.')
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     if len(observation.trees) > 1:
         roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]
@@ -1116,19 +1233,17 @@ def _several_trees(observation: Observation) -> Iterator[_Fault]:
                      remedy=observation.missing_part)
 
 
-@_check('static_changes', INFO,
-        'A transform on /tf_static changes; late listeners know only the newest one, for all '
-        'times.',
-        'Publish a transform that changes on /tf.')
+@_check('static_changes', 'Publish a transform that changes on /tf.', 'Other faults',
+        severity=INFO, meaning='A transform on /tf_static changes; late listeners know only the '
+        'newest one, for all times.')
 def _static_changes(observation: Observation) -> Iterator[_Fault]:
     yield from _counted(observation, 'changes', 'with another pose than the one before',
                         attrgetter('is_static'))
 
 
-@_check('rep_105', INFO,
-        'The order of earth, map, odom and base_link is not that of REP 105.',
-        'Publish these frames as earth -> map -> odom -> base_link; leave out those that you do '
-        'not need.')
+@_check('rep_105', 'Publish these frames as earth -> map -> odom -> base_link; leave out those '
+        'that you do not need.', 'Other faults', severity=INFO,
+        meaning='The order of earth, map, odom and base_link is not that of REP 105.')
 def _rep_105(observation: Observation) -> Iterator[_Fault]:
     known = [name for name in _REP_105 if name in observation.tree_of]
     for upper, lower in pairwise(known):

@@ -11,6 +11,8 @@ from typing import NamedTuple, Optional
 import numpy as np
 
 from puretf import comma_list, namespace_path, SECOND
+from puretf._causes.clocks import is_off
+from puretf._causes.facts import Facts, Heard, NONE, Surroundings
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.tf_statistics import Statistics, Track
@@ -22,6 +24,8 @@ from puretf_tools.robot.observed import RobotsInBag
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
+#: The smallest number of messages of which the clock is judged.
+_FEWEST = 3
 #: The largest number of names in a text.
 SHOWN = 5
 
@@ -74,7 +78,7 @@ class Observation:
     tf_listeners: Collection[str] = ()  #: the nodes that subscribe to the dynamic transforms
     other_transforms: Sequence[OtherTopic] = ()  #: what was received on the other topics
     tf_topics: Collection[str] = ()  #: the other topics with transforms
-    #: What is not known, and why; see `Check.needs`.
+    #: What is not known, and why; see `Rule.needs`.
     not_known: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)  #: what was not counted, and why
     missing_part: str = ''  #: which part of a recording is missing, with the static transforms
@@ -82,6 +86,8 @@ class Observation:
     other_namespaces: str = ''  #: which topics have transforms if /tf has none
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
     has_record_times: bool = False
+    #: What the ROS graph shows; of a bag, nothing is known.
+    around: Surroundings = field(default_factory=Surroundings)
     end: int = 0  #: the end of the observation (ns), on the clock of the stamps; 0: not known
     stamp_clock: Optional[StampClock] = None  #: of a live system: the clock of the stamps
     #: Of a live system, by publisher: by how much the clock of its computer is ahead of this one
@@ -109,7 +115,8 @@ class Observation:
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
         moving = [track for track in self.tracks if not track.is_frozen]
-        if self.has_record_times and 2 * total(moving, 'foreign') > total(moving, 'delays'):
+        if self.has_record_times and 2 * total(moving, 'foreign') > total(
+                moving, 'delays') and not any(track.alternates for track in moving):
             self.clock = max(moving, key=itemgetter('delays'))
             self.not_known.setdefault(
                 'arrivals', 'the bag was recorded with another clock than that of the stamps; '
@@ -178,6 +185,42 @@ class Observation:
     def halves(self) -> list[Half]:
         """The other topics with a part of the same tree."""
         return halves(self.parents, self.topics[0], self.other_transforms)
+
+    @cached_property
+    def facts(self) -> Facts:
+        """What the rules of errors are asked with."""
+        sent = {(track.publisher, track.is_static) for track in self.tracks}
+        heard = [Heard(self.topics[is_static], '' if 'nodes' in self.not_known else publisher,
+                       [self.nodes.get(publisher, '')], {})
+                 for publisher, is_static in sent | self.statistics.empty_names.keys()]
+        return Facts(NONE, self.around._replace(listen=lambda: heard))
+
+    @cached_property
+    def off_clock(self) -> dict[str, tuple[MessageTimes, int]]:
+        """
+        By topic: the messages and the offset (ns) of their stamps, if it is of another clock.
+
+        They are compared with a frame that is in time, since a simulation can be slow, or pause.
+        """
+        timed = [track for track in self.tracks if track['delays'] and not (
+            track['foreign'] or track['late'] or track['future'] or track.is_frozen)]
+        if 'arrivals' in self.not_known or not timed:
+            return {}
+        track = max(timed, key=itemgetter('delays'))
+        arrivals, stamps = self.statistics.arrivals(self.statistics.together([track]))
+        newest, found = np.maximum.accumulate(stamps), dict[str, tuple[MessageTimes, int]]()
+        for topic in self.message_times:
+            is_timed = (topic.stamps != 0) & (topic.arrivals >= arrivals[0]) & (
+                topic.arrivals <= arrivals[-1])
+            if not topic.edges or is_timed.sum() < _FEWEST:
+                continue
+            now = newest[arrivals.searchsorted(topic.arrivals[is_timed], 'right') - 1]
+            offsets = topic.stamps[is_timed] - now - round(track.mean_delay)
+            low, offset, high = map(int, np.quantile(offsets, (0.1, 0.5, 0.9)))
+            if high - low < SECOND and is_off(offset, int(topic.stamps[is_timed][-1]),
+                                              int(now[-1])):
+                found[topic.topic] = topic, offset
+        return found
 
     @cached_property
     def refused(self) -> dict[Track, Refused]:

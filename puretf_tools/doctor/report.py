@@ -41,12 +41,13 @@ class Report(NamedTuple):
         """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""
         lines = []
         for finding in self.findings:
-            names = comma_list(finding.frames or finding.topics, SHOWN, shortened)
+            names = comma_list(
+                finding.frames or finding.topics or finding.nodes, SHOWN, shortened)
             topics, nodes = (comma_list(each, SHOWN) for each in (finding.topics, finding.nodes))
             where = ', '.join(filter(None, [topics and f'on {topics}', nodes and f'by {nodes}']))
             texts = [f'{finding.evidence.rstrip(".")}.',
                      *([f'{where[0].upper()}{where[1:]}.'] if where else []),
-                     finding.remedy + see(finding.section)]
+                     (finding.remedy + see(finding.section)).strip()]
             lines += [visible(f'{finding.severity} {finding.code}: {names}'),
                       *(line for text in texts for line in wrapped(visible(text), '    ')), '']
         if self.topics:

@@ -21,6 +21,8 @@ from puretf_tools.inspection.traffic import Counts, DELAYS, rate
 #: A transform is late if it arrives more than `LATE` (ns) after its stamp, and it is from the
 #: future if its stamp is more than `FUTURE` (ns) after its arrival.
 LATE, FUTURE = SECOND // 2, SECOND // 10
+#: The largest number of names that are kept of a message with odd stamps.
+_MOST_NAMES = 100
 #: The norm of a quaternion may differ from 1 by this.
 NORM_TOLERANCE = 1e-3
 #: Poses are equal if their positions differ by at most this (m), and the cosine of half the angle
@@ -29,6 +31,9 @@ _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
 #: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
 #: of bins for a factor of two, and the number of bins. The end of the last bin exceeds int64.
 _FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
+#: Stamps that alternate between two clocks go back more often than this, and for more than this
+#: part of the transforms.
+_FEW_STEPS, _STEPS = 3, 0.02
 #: A jump is a move from pose to pose of at least this (m plus rad). Moves within more than
 #: `_LONGEST_MOVE` (ns) do not count; moves within less than `_SHORTEST_MOVE` (s) count as such.
 SMALLEST_JUMP, _LONGEST_MOVE, _SHORTEST_MOVE = 0.2, SECOND // 2, 0.02
@@ -69,6 +74,7 @@ class Track:
         self.number, self.child = number, child
         self.publisher, self.is_static = publisher, is_static
         self.parents: dict[str, None] = {}  #: the newest parent is the last one
+        self.switches = 0  #: how often the parent has changed
         self.slashed: set[str] = set()  #: the names that were sent with a leading slash
         self.values: Any = np.zeros((), _FIELDS)
 
@@ -79,8 +85,15 @@ class Track:
 
     @property
     def mean_delay(self) -> float:
-        """The mean of the delays (ns); NaN if there is none."""
-        return float(self['total_delay'] / self['delays']) if self['delays'] else float('nan')
+        """The mean of the delays (ns); NaN if there is none, or they are from two clocks."""
+        return float(self['total_delay'] / self['delays']) if (
+            self['delays'] and not self.alternates) else float('nan')
+
+    @property
+    def alternates(self) -> bool:
+        """True if the stamps are of two clocks in turn, as those of two publishers."""
+        return bool(self['step_back'] > OTHER_CLOCK
+                    and self['backwards'] > max(_FEW_STEPS, _STEPS * self['count']))
 
     @property
     def period(self) -> float:
@@ -130,6 +143,9 @@ class Statistics(Counts):
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
         self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
+        #: By publisher and topic: the largest nanosec, if one is a second or more, and the
+        #: children of these messages.
+        self.too_many_ns: dict[tuple[str, bool], tuple[int, set[str]]] = {}
         #: By the numbers of dynamic tracks whose transforms arrive together: the times of arrival
         #: and the stamps (ns).
         self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
@@ -184,6 +200,14 @@ class Statistics(Counts):
         """Count the transforms of messages; see `add`."""
         for table in transform_tables(messages, lambda error: self.malformed.update([str(error)])):
             self.add(table)
+
+    def add(self, table: TransformTable) -> None:
+        super().add(table)
+        if table.nanosec >= SECOND:
+            key = table.publisher, table.is_static
+            largest, children = self.too_many_ns.get(key, (0, set()))
+            self.too_many_ns[key] = max(largest, table.nanosec), children | {
+                child.removeprefix('/') for _, child in table.edges[:_MOST_NAMES]}
 
     def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
         super()._count(values, numbers, table)
@@ -240,6 +264,7 @@ class Statistics(Counts):
             if number == len(self._tracks):
                 self._tracks.append(Track(number, names[1], table.publisher, table.is_static))
             track = self._tracks[number]
+            track.switches += bool(track.parents) and next(reversed(track.parents)) != names[0]
             track.parents.pop(names[0], None)
             track.parents[names[0]] = None
             track.slashed.update(name for name in (parent, child) if name.startswith('/'))

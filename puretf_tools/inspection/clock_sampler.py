@@ -28,6 +28,10 @@ _TOOLS = ('rviz', 'rqt', 'rosbag2', 'foxglove', 'rosbridge', 'transform_listener
           'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view', '_')
 
 
+def is_tool(node: str) -> bool:
+    return node.rpartition('/')[2].startswith(_TOOLS)
+
+
 class ClockSampler:
     """A subscription to /clock, and the clock of the stamps."""
 
@@ -93,8 +97,7 @@ class SimTimeSurvey:
             self._next_scan = monotonic() + _SCAN_INTERVAL
             for name in self._nodes() - self._clients.keys() - {
                     UNKNOWN, self._node.get_fully_qualified_name()}:
-                if (not name.rpartition('/')[2].startswith(_TOOLS)
-                        and len(self._clients) < _MOST_NODES):
+                if not is_tool(name) and len(self._clients) < _MOST_NODES:
                     self._clients[name] = _Question(self._node, name)
             for question in self._clients.values():
                 question.poll()

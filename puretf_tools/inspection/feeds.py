@@ -120,9 +120,3 @@ def half_text(half: Half, topics: Sequence[str], nodes: Sequence[str]) -> str:
     root, child = (here, there) if half.is_root_here else (there, here)
     return (f'{quoted(half.joint)} is a root on {root}, and has a parent on {child}: each has a '
             'part of one tree')
-
-
-def half_remedy(half: Half, base: str) -> str:
-    base = max(half.base, base, key=lambda each: (each.count('/'), each))
-    return ('Remap both /tf and /tf_static in all nodes of the robot (--ros-args '
-            f'-r /tf:={base} -r /tf_static:={base}_static), or in none of them.')

@@ -7,8 +7,9 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from puretf import Buffer, comma_list, visible
+from puretf._causes.facts import Surroundings
 from puretf.publisher_listener import is_given, PublisherListener, Received, ReceivedMessage
-from puretf_tools.inspection.clock_sampler import ClockSampler, TOPIC
+from puretf_tools.inspection.clock_sampler import ClockSampler, is_tool, TOPIC
 from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import Once
 from puretf_tools.inspection.time_watch import TimeWatch
@@ -44,6 +45,12 @@ class FrameListener(PublisherListener):
     def topics_hint(self) -> str:
         """Return why transforms may not arrive; '' if there is no sign of it. See `time_hint`."""
         return self.time_hint() or super().topics_hint()
+
+    def around(self) -> Surroundings:
+        """Return what the ROS graph shows; of the nodes that wait, tools are left out."""
+        around: Surroundings = self._surroundings()
+        return around._replace(waits_for={
+            node: topic for node, topic in around.waits_for.items() if not is_tool(node)})
 
     def now(self) -> int:
         """Return the time (ns); 0: use_sim_time is set, and nothing has arrived on /clock."""

@@ -73,7 +73,7 @@ class _Headers:
         """Add a message, if it is on the topic."""
         if message.topic.name == self.topic and message.topic.has_header:
             with suppress(struct.error):  # it is cut off
-                stamp, name = message.encoding.header(message.data)
+                stamp, name, _ = message.encoding.header(message.data)
                 self._stamps.append(stamp)
                 self._frames.add(
                     name.partition(b'\0')[0].decode(errors='replace').removeprefix('/'))

@@ -19,6 +19,10 @@ class Robot(NamedTuple):
     joints: Mapping[str, Sequence[str]] = {}
     #: By joint that was received: why robot_state_publisher ignores all messages with it, or ''.
     states: Mapping[str, str] = {}
+    elsewhere: Sequence[str] = ()  #: other topics with states of these joints
+    #: The links of floating and planar joints, which robot_state_publisher does not send; also
+    #: the root, if it has no other joints.
+    floating: Collection[str] = ()
 
 
 def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]

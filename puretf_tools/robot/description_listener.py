@@ -148,7 +148,7 @@ class RobotListener:
     def robots(self) -> list[Robot]:
         """Return what was received of each robot."""
         self._descriptions.wait()
-        return [robot_of(topic, each, self._states.get(joint_states_of(topic), {}))
+        return [robot_of(topic, each, self._states)
                 for topic, each in self._descriptions.descriptions().items()]
 
     def senders(self) -> dict[str, Sequence[Sender]]:

@@ -47,7 +47,7 @@ class RobotsInBag:
             if self._is_full else {})}
 
     def robots(self) -> list[Robot]:
-        return [robot_of(topic, each, self._states.get(joint_states_of(topic), {}))
+        return [robot_of(topic, each, self._states)
                 for topic, each in self.descriptions.items()]
 
 
@@ -66,7 +66,8 @@ def _is_short(name: str) -> bool:
     return len(name) <= _LONGEST_NAME
 
 
-def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, str]) -> Robot:
+def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, Mapping[str, str]]
+             ) -> Robot:
     """Return what a description, or why it is refused, and joint states say of a robot."""
     if isinstance(description, str):
         return Robot(topic, problem=description)
@@ -75,4 +76,12 @@ def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, str
     for joint in description.joints:
         if joint.name in masters:
             joints.setdefault(masters[joint.name], []).append(joint.child)
-    return Robot(topic, '', description.root, description.links, joints, dict(states))
+    floating = {joint.child for joint in description.joints
+                if joint.kind in ('planar', 'floating')}
+    if floating.issuperset(joint.child for joint in description.joints
+                           if joint.parent == description.root):
+        floating.add(description.root)
+    own = joint_states_of(topic)
+    return Robot(topic, '', description.root, description.links, joints, dict(states.get(own, {})),
+                 [other for other, names in states.items()
+                  if other != own and not joints.keys().isdisjoint(names)], floating)

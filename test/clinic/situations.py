@@ -4,11 +4,13 @@ Situations from public reports, as data, and the codes of their causes.
 The numbers are those of the two logs from which they are: `2.5` is row 5 of the second one.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Optional
 
-from world import Lookup, NOW, S, Sender, World
+from world import Lookup, NOW, S, Sender, Sensor, World
 
 from puretf._causes.facts import Blocked
+from puretf_tools.inspection.robots import Robot
 
 
 class Situation(NamedTuple):
@@ -17,6 +19,8 @@ class Situation(NamedTuple):
     name: str
     world: World
     lookups: list[Lookup]
+    #: The codes of what `tf_doctor` finds; None: those of the causes that it can know.
+    finds: Optional[Sequence[str]] = None
 
 
 SCAN_OF_LIDAR = 'the clock of this node'
@@ -33,9 +37,11 @@ def clock_off(offset: float, *causes: str, words: tuple[str, ...] = (), begin: f
     """Return a sensor whose stamps are off by some time (s), while all transforms are in time."""
     return Situation(
         f'2.19-25 a sensor is {offset} s off, {-begin} s after the start',
-        World([DRIVER._replace(begin=begin), LASER._replace(begin=begin)]),
+        World([DRIVER._replace(begin=begin), LASER._replace(begin=begin)],
+              sensors=[Sensor(offset=offset, begin=begin)]),
         [Lookup('odom', 'laser', causes, words, at=offset,
-                not_words=('Skip', 'Set use_sim_time', 'publisher'))])
+                not_words=('Skip', 'Set use_sim_time', 'publisher'))],
+        finds=None if offset != -12.3 else ['message_too_old'] if begin == LONG else [])
 
 
 FAULTY = [
@@ -48,12 +54,13 @@ FAULTY = [
         Sender('/rsp', ['base_link base_footprint', 'base_link laser'], 0, '/tf_static'),
         Sender('/sim', ['odom base_footprint'])]),
         [Lookup('odom', 'laser', ['changing_parent'],
-                ("'base_footprint'", "'base_link' (static) by /rsp", "'odom' by /sim"))]),
+                ("'base_footprint'", "'base_link' (static) by /rsp", "'odom' by /sim"))],
+        finds=['changing_parent', 'rep_105']),
     Situation('2.4 two dynamic parents that alternate', World([
         DRIVER._replace(rate=30), Sender('/slam', ['map base_link'], 30, begin=-19.99,
                                          end=-0.01)]),
         [Lookup('map', 'base_link', ['changing_parent'],
-                ("'map'", "'odom' by /driver", '/slam'))]),
+                ("'map'", "'odom' by /driver", '/slam'))], finds=['changing_parent', 'rep_105']),
     Situation('2.5 a part has a prefix', World([
         Sender('/controller', ['robot1/odom robot1/base_link']), SLAM, LASER]),
         [Lookup('map', 'laser', ['part_prefix'], ("'robot1/odom'", "'odom'"),
@@ -69,7 +76,8 @@ FAULTY = [
         [Lookup('map', 'laser', ['part_prefix'], ("'odom_combined'", "'odom'"))]),
     Situation('2.7, 1.28 names that differ by case or a blank', World([
         Sender('/controller', ['Odom base_link']), SLAM]),
-        [Lookup('map', 'base_link', ['similar_name'], ('differ by case',))]),
+        [Lookup('map', 'base_link', ['similar_name'], ('differ by case',))],
+        finds=['similar_name', 'several_trees']),
     Situation('2.8 a localiser before its first pose', World([DRIVER, Sender('/amcl')]),
               [Lookup('map', 'base_link', ['silent_publisher'],
                       ('/amcl has a publisher on /tf', 'nothing arrives'))]),
@@ -101,14 +109,16 @@ FAULTY = [
     clock_off(-12.3, 'cache_too_short', words=('cache_time=14 s',)),
     clock_off(-12.3, begin=-3.0, words=('No earlier transform was received',)),
     Situation('2.26 data ahead of the clock', World([DRIVER._replace(offset=30.0)]),
-              [Lookup('odom', 'base_link', ['other_clock'], ('30.0 s ahead of it',), at=0.0)]),
+              [Lookup('odom', 'base_link', ['other_clock'], ('30.0 s ahead of it',), at=0.0)],
+        finds=['future']),
     *(Situation(f'2.28 refused: {code}', World([DRIVER, Sender(
         '/imu', ['base_link tool'], pose=pose)], has_gids=True),
         [Lookup('odom', 'tool', [code], ("transforms of 'tool' from /imu were refused",))])
-      for code, pose in (('not_a_number', (float('nan'), *[0.0] * 5, 1.0)),
-                         ('unnormalized', (0.0,) * 7))),
+      for code, pose in (('not_a_number', (float('nan'), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
+                         ('unnormalized', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))),
     Situation('2.29 its own parent', World([DRIVER, Sender('/imu', ['tool tool'])]),
-              [Lookup('odom', 'tool', ['loop'], ("transforms of 'tool'", 'own parent'))]),
+              [Lookup('odom', 'tool', ['loop'], ("transforms of 'tool'", 'own parent'))],
+              finds=['loop', 'several_trees']),
     Situation('2.31 a stamp just ahead of the data', World([DRIVER]),
               [Lookup('odom', 'base_link', ['too_soon'], ('Pass timeout=',), at=0.02),
                Lookup('odom', 'base_link', ['too_soon'], ('has not come within 0.01 s',), at=0.02,
@@ -118,7 +128,7 @@ FAULTY = [
     Situation('2.36 NTP sets the clock back', World([
         DRIVER._replace(offset=30.0, end=-10.0), DRIVER._replace(begin=-9.9)]),
         [Lookup('odom', 'base_link', ['time_goes_back'], ('were refused', 'Clear the buffer'),
-                at=-0.5)]),
+                at=-0.5)], finds=['future', 'time_goes_back']),
     Situation('1.12 map -> odom on /tf, the rest on /robot1/tf', World([
         SLAM, DRIVER._replace(topic='/robot1/tf'),
         LASER._replace(topic='/robot1/tf_static')]),
@@ -130,7 +140,8 @@ FAULTY = [
     Situation('1.18 the clock of the robot is 90 s behind', World([DRIVER._replace(offset=-90.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('90.0 s behind it',), at=0.0)]),
     Situation('1.18 the clock of the robot is 5 s behind', World([DRIVER._replace(offset=-5.0)]),
-              [Lookup('odom', 'base_link', ['other_clock'], ('5.0 s behind it',), at=0.0)]),
+              [Lookup('odom', 'base_link', ['other_clock'], ('5.0 s behind it',), at=0.0)],
+              ['late']),
     Situation('1.17 the same, and a lookup at the present time', World([
         Sender('/rosbag2_player', ['odom base_link'], offset=-1e8)]),
         [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)]),
@@ -142,7 +153,7 @@ FAULTY = [
               [Lookup('odom', 'base_link', ['cache_too_short'], at=-11.5)]),
     Situation('1.17 a bag is played without --clock', World([DRIVER._replace(offset=-1e8)]),
               [Lookup('odom', 'base_link', ['too_soon'], ('behind the clock of this node',),
-                      at=-1e8 + 0.05)]),
+                      at=-1e8 + 0.05)], finds=['other_clock']),
     Situation('1.40 use_sim_time, and nothing on /clock', World([DRIVER], clock=0.0),
               [Lookup('odom', 'base_link', ['no_clock'], ('nothing publishes /clock',), at=5.0)]),
     Situation('1.30 two nodes publish /clock', World(
@@ -151,11 +162,11 @@ FAULTY = [
     Situation('a simulation, and a node without use_sim_time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'],
-                ('the data are not', '/gazebo publishes /clock'), at=0.0)]),
+                ('the data are not', '/gazebo publishes /clock'), at=0.0)], finds=['other_clock']),
     Situation('a node with use_sim_time looks up the wall time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock=100.0, clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'], ('requested time is not',),
-                at=NOW / S - 100.0)]),
+                at=NOW / S - 100.0)], finds=[]),
     Situation('1.22 the node that looks up broadcasts', World(
         [DRIVER._replace(end=-0.05)], has_gids=True, node='/driver', blocked={'/driver': Blocked(
             'cannot while nothing spins it', 'Spin it in a thread.', ())}),
@@ -169,7 +180,8 @@ FAULTY = [
         [Lookup('odom', 'base_link', ['gap'],
                 ('/driver, which has published it, has ended', 'Start /driver again'), at=0.0)]),
     Situation('a publisher is silent', World([DRIVER._replace(end=-5.0)], has_gids=True),
-              [Lookup('odom', 'base_link', [], ('arrived 5.0 s ago from /driver',), at=0.0)]),
+              [Lookup('odom', 'base_link', [], ('arrived 5.0 s ago from /driver',), at=0.0)],
+        finds=['gap']),
     Situation('a frame was sent once on /tf', World([DRIVER._replace(rate=0)]),
               [Lookup('odom', 'base_link', ['one_shot'], ('Only one has arrived, 20.0 s ago',),
                       at=0.0)]),
@@ -189,17 +201,19 @@ FAULTY = [
         [Lookup('odom', 'base_link', ['no_robot_state_publisher'],
                 ('/joint_states has a publisher',))]),
     Situation('a listener that has just started', World([], is_new=True),
-              [Lookup('odom', 'base_link', [], ('has just started',))]),
+              [Lookup('odom', 'base_link', [], ('has just started',))], finds=['no_transforms']),
     Situation('a publisher that has sent nothing yet', World([Sender('/arm')]),
-              [Lookup('odom', 'base_link', [], ('Nothing has arrived yet from /arm.',))]),
+              [Lookup('odom', 'base_link', [], ('Nothing has arrived yet from /arm.',))],
+        finds=['no_transforms']),
     Situation('2.35 a static whose program has ended', World([DRIVER]),
               [Lookup('odom', 'laser', [], ("Known frames: 'base_link', 'odom'",))]),
     Situation('a typo, beside nodes that wait', World([
         DRIVER, Sender('/rsp', waits_for='/joint_states'), Sender('/amcl', waits_for='/clock')]),
-        [Lookup('odom', 'base_lnik', [], ("Nearest known: 'base_link'",))]),
+        [Lookup('odom', 'base_lnik', [], ("Nearest known: 'base_link'",))],
+        ['no_clock', 'joint_without_state']),
     Situation('another name, where all joints are fixed', World([
         DRIVER, Sender('/rsp', ['base_link laser'], 0, '/tf_static', waits_for='/joint_states')]),
-        [Lookup('odom', 'camera', ['joint_without_state'], ('If a joint moves the frame',))]),
+        [Lookup('odom', 'camera', ['joint_without_state'], ('If a joint moves the frame',))], []),
     Situation('a node with simulated time whose transforms have the stamps of messages', World([
         DRIVER._replace(waits_for='/clock')]),
         [Lookup('odom', 'camera', [], ("Known frames: 'base_link', 'odom'",))]),
@@ -207,17 +221,30 @@ FAULTY = [
               [Lookup('odom', 'base_lnik', [], ("Nearest known: 'base_link'",))]),
     Situation('two trees, and no sign why', World([DRIVER, Sender('/lamp', ['world lamp'])]),
               [Lookup('odom', 'lamp', [], ("'lamp' in the tree with root 'world'",
-                                           'tf_doctor odom lamp'), not_words=['Publish'])]),
+                                           'tf_doctor odom lamp'), not_words=['Publish'])],
+        finds=['several_trees']),
     Situation('an old time', World([DRIVER]),
               [Lookup('odom', 'base_link', ['cache_too_short'], ('cache_time=',), at=-11.0)]),
     Situation('a time before all that was received', World([DRIVER._replace(begin=-3.0)]),
               [Lookup('odom', 'base_link', [], ('No earlier transform was received',), at=-5.0)]),
+    Situation('2.13 the same, and a description of the robot', World(
+        [DRIVER, Sender('/rsp', waits_for='/joint_states')],
+        joint_states={'/robot1/joint_states': ['/arm']}, robots=[Robot(
+            '/robot_description', '', 'base', ['base', 'hand'], {'turn': ['hand']}, {},
+            ['/robot1/joint_states'])]), [], ['joint_without_state']),
+    Situation('2.17 a floating joint that nobody sends', World([DRIVER], robots=[Robot(
+        '/robot_description', '', 'world', ['world', 'drone'], floating={'world', 'drone'})]), [],
+        ['link_without_transform']),
+    Situation('2.27 microseconds in nanosec', World([DRIVER._replace(
+        stamp=lambda time: time // S * S + time % S // 1000)]), [], ['nanosec']),
+    Situation('2.27 milliseconds in nanosec', World([DRIVER._replace(
+        stamp=lambda time: time // S * S + time % S // 1_000_000)]), [], ['nanosec']),
     Situation('a cache of weeks is no remedy', World([DRIVER]),
               [Lookup('odom', 'base_link', [], (), at=-604_801.5, not_words=['cache_time'])]),
 ]
 
-#: What engineers thought of who had not seen the rules.
-FAULTY += [
+#: Lookups that engineers thought of who had not seen the rules.
+THOUGHT_OF = [
     Situation('the localiser has ended, and the latest pose is asked', World([
         AMCL._replace(begin=-60.0, end=-15.0, has_ended=True), DRIVER._replace(begin=-60.0),
         LASER], has_gids=True), [Lookup('map', 'laser', ['gap'], ('/amcl', 'Start /amcl again'))]),
@@ -268,7 +295,100 @@ FAULTY += [
         [Lookup('odom', 'laser', ['no_clock'], ('nothing publishes /clock any more',), at=0.05)]),
 ]
 
-HEALTHY = [
+
+def robot(name, topic='/tf'):
+    """Return the publishers of a whole robot with a prefix."""
+    return [Sender(f'/{name}/driver', [f'{name}/odom {name}/base_link'], topic=topic),
+            Sender(f'/{name}/rsp', [f'{name}/base_link {name}/laser'], 0, f'{topic}_static')]
+
+
+def simulated(speed, begin=20.0, rate=20.0):
+    """Return a simulation at some speed, in which it is `begin` (s) now."""
+    driver = DRIVER._replace(rate=rate, begin=-min(20.0, begin / speed), stamp=lambda time: round(
+        begin * S + (time - NOW) * speed))
+    return [driver, LASER], {'clock': begin, 'clock_nodes': ['/clock_source'], 'speed': speed,
+                     'use_sim_time': {'/driver': True}, 'sensors': [Sensor(begin=-5.0)]}
+
+
+#: Situations in which nothing is wrong: their publishers, and other arguments of `World`.
+WELL = [
+    ('a robot, and its scans', [SLAM, DRIVER, LASER], {'sensors': [Sensor()]}),
+    ("AMCL's transform_tolerance, and scans", [SLAM._replace(offset=0.5), DRIVER, LASER], {
+        'sensors': [Sensor()]}),
+    ('robot_state_publisher with fixed joints only', [DRIVER, LASER, Sender('/rsp')], {}),
+    ('robot_state_publisher without fixed joints', [
+        Sender('/rsp', ['base_link arm', 'arm hand']), Sender('/rsp', topic='/tf_static')], {}),
+    ('static transforms only', [LASER], {}),
+    ('a static transform that is sent each second', [DRIVER, LASER._replace(rate=1.0)], {}),
+    ('slow localisation', [SLAM._replace(rate=1.0), DRIVER, LASER], {'sensors': [Sensor(
+        frame='map')]}),
+    ('Wi-Fi that loses a third', [
+        DRIVER._replace(is_lost=lambda i: i * 7919 % 31 % 3 == 0), LASER], {}),
+    ('Wi-Fi with jitter', [DRIVER._replace(takes=lambda i: i * 7919 % 31 / 700), LASER], {}),
+    ('a delay of 0.2 s', [DRIVER._replace(takes=lambda i: 0.2), LASER], {}),
+    ('a robot whose clock is 0.3 s behind', [DRIVER._replace(offset=-0.3), LASER], {}),
+    ('a robot whose clock is 0.05 s ahead', [DRIVER._replace(offset=0.05), LASER], {}),
+    ('an arm of six joints', [Sender('/rsp', [
+        f'link_{i} link_{i + 1}' for i in range(6)], 50.0, begin=-5.0)], {}),
+    ('200 Hz', [DRIVER._replace(rate=200.0, begin=-4.0)], {}),
+    ('GPS once a second, on the second', [
+        DRIVER, Sender('/gps', ['earth map'], 1.0, stamp=lambda time: time // S * S)], {}),
+    ('bursts of ten at the begin of each second', [Sender('/bursts', ['map tag'], 10.0, is_lost=(
+        lambda i: i % 10 > 0))], {}),
+    ('a rare frame', [DRIVER, Sender('/tag', ['base_link tag'], 0.3)], {}),
+    ('earth, map, odom, base_link', [Sender('/gps', ['earth map'], 5.0), SLAM, DRIVER], {}),
+    ('odom_combined in place of odom', [
+        Sender('/ekf', ['map odom_combined', 'odom_combined base_link'])], {}),
+    ('wheels, whose names are alike', [DRIVER, Sender('/rsp', [
+        f'base_link {name}_wheel' for name in ('fl', 'fr', 'rl', 'rr')])], {}),
+    ('two cameras with numbers', [DRIVER, Sender('/rsp', [
+        'base_link camera_1', 'base_link camera_2'], 0, '/tf_static')], {}),
+    ('two arms on one base', [Sender('/rsp', [
+        f'{a} {side}_{b}' for side in ('left', 'right')
+        for a, b in (('base', 'base'), (f'{side}_base', 'tool'))])], {}),
+    ('an arm with a prefix beside a mobile robot', [
+        DRIVER, LASER, Sender('/arm', ['arm/base_link arm/tool'])], {}),
+    ('two robots with letters', [*robot('robot_a'), *robot('robot_b')], {}),
+    ('two robots and their scans', [*robot('robot1'), *robot('robot2')], {'sensors': [
+        Sensor(f'/{name}/lidar', f'/{name}/scan', f'{name}/laser')
+        for name in ('robot1', 'robot2')]}),
+    ('a robot in a namespace', [
+        DRIVER._replace(topic='/r/tf'), LASER._replace(topic='/r/tf_static')],
+     {'topics': ('/r/tf_static', '/r/tf')}),
+    ('another robot on topics of its own', [
+        SLAM, DRIVER, LASER, *(each._replace(topic=f'/r{each.topic}')
+                               for each in (SLAM, DRIVER, LASER))], {}),
+    ('two robots on topics of their own, and one map', [
+        *(Sender(f'/{name}/slam', ['map odom', 'odom base_link'], topic=f'/{name}/tf')
+          for name in ('r1', 'r2'))], {'topics': ('/r1/tf_static', '/r1/tf')}),
+    ('a node that is started again', [
+        DRIVER._replace(end=-10.0, has_ended=True), DRIVER._replace(begin=-9.8)], {}),
+    ('a gripper takes a cup and puts it back', [
+        Sender('/scene', ['world table', 'world hand']), *(
+            Sender(f'/{name}', [f'{name} cup'], begin=begin, end=begin + 5.9) for name, begin in (
+                ('table', -18.0), ('hand', -12.0), ('table', -6.0)))], {}),
+    ('a scan at 40 Hz that is 0.05 s late', [DRIVER, LASER], {'sensors': [
+        Sensor(rate=40.0, takes=0.05)]}),
+    ('an image that takes 0.3 s', [DRIVER, LASER], {'sensors': [Sensor(takes=0.3)]}),
+    ('markers in the root', [SLAM, DRIVER], {'sensors': [Sensor(frame='map')]}),
+    ('joint states, whose frame is empty', [DRIVER, LASER], {'sensors': [Sensor(frame='')]}),
+    ('a rare message', [DRIVER, LASER], {'sensors': [Sensor(rate=0.5)]}),
+    ('a whole robot', [DRIVER, LASER], {'robots': [Robot(
+        '/robot_description', '', 'base_link', ['base_link', 'laser'])]}),
+    ('a floating joint that a localiser sends', [Sender('/mocap', ['world drone'])], {'robots': [
+        Robot('/robot_description', '', 'world', ['world', 'drone'], floating={'drone'})]}),
+    ('joint states of another robot', [*robot('robot1')], {
+        'joint_states': {'/robot2/joint_states': ['/robot2/driver']}}),
+    ('a simulation', *simulated(1.0)),
+    ('a simulation that has just begun', *simulated(1.0, 4.0)),
+    ('a slow simulation', *simulated(0.3, rate=10.0)),
+    ('a bag at 0.1 of its speed', *simulated(0.1, 1000.0)),
+    ('a bag at 10 times its speed', *simulated(10.0, 1000.0, 100.0)),
+    ('a bag at 10 times its speed, years ago', *simulated(10.0, 1e9, 100.0)),
+]
+
+#: Lookups whose error must name no cause, or another one than one could think.
+UNLUCKY = [
     Situation('a typo beside other faults', World([
         DRIVER, LASER, Sender('/viz', ['map m'], lacks='reliable'), Sender('/x', type='A')]),
         [Lookup('odom', 'lasr', [], ("'laser'",))]),
@@ -288,6 +408,9 @@ HEALTHY = [
     Situation('a slow node that has just begun', World([
         Sender('/loc', ['map odom'], 0, begin=-1.5), DRIVER]),
         [Lookup('map', 'base_link', [], at=0.0, not_words=['again and again'])]),
+]
+
+HEALTHY = [
     Situation('2.23 map -> odom is dated ahead on purpose', World(
         [SLAM._replace(offset=1.0), DRIVER, LASER]), [Lookup('map', 'laser', None, at=-0.1)]),
     Situation('two robots with full prefixes, and one map', World([
@@ -304,4 +427,5 @@ HEALTHY = [
         Sender('/scene', ['world table', 'world arm', 'arm hand']),
         Sender('/a', ['table cup'], end=-5.0), Sender('/b', ['hand cup'], begin=-4.9)]),
         [Lookup('table', 'cup', None), Lookup('world', 'cup', ['too_soon'], at=0.02)]),
+    *(Situation(name, World(senders, **world), []) for name, senders, world in WELL),
 ]

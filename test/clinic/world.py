@@ -1,12 +1,23 @@
-"""A small world: who sends which transforms when, and what a lookup in the middle of it says."""
+"""A small world: who sends what when, and what a lookup and `tf_doctor` say of it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Optional
 from unittest.mock import patch
 
+from recorded import header_of
+
 from puretf import TransformBuffer, TransformException
+from puretf._causes.explanation import why_not_received
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
+from puretf._core.pose import Pose, Row
+from puretf._wire import cdr
+from puretf.bag import Headers
+from puretf_tools.doctor.observation import Endpoint, Observation
+from puretf_tools.doctor.tf_statistics import Statistics
+from puretf_tools.inspection import feeds
+from puretf_tools.inspection.robots import Robot
+from puretf_tools.inspection.stamp_clock import StampClock
 
 S = 10**9
 #: The present time, on the clock of this computer (ns).
@@ -26,11 +37,13 @@ class Sender(NamedTuple):
     begin: float = -20.0
     end: float = 0.0
     stamp: Optional[Callable[[int], int]] = None  #: converts a stamp (ns)
-    pose: tuple[float, ...] = STILL
+    pose: Pose = STILL
     type: str = TF
     lacks: str = ''  #: as `Publisher.lacks`; then nothing arrives
     has_ended: bool = False
     waits_for: str = ''  #: a topic that it reads, and nothing publishes
+    takes: Callable[[int], float] = lambda number: 0.0  #: by message: from sending to arrival (s)
+    is_lost: Callable[[int], object] = lambda number: False  #: by message
 
     @property
     def is_static(self) -> bool:
@@ -45,8 +58,48 @@ class Sender(NamedTuple):
         for i in range(count):
             time = NOW + round((self.begin + (i / self.rate if self.rate else 0.0)) * S)
             stamp = time + round(self.offset * S)
-            found.append((time, self.stamp(stamp) if self.stamp else stamp))
+            if not self.is_lost(i):
+                found.append((time + round(self.takes(i) * S),
+                              self.stamp(stamp) if self.stamp else stamp))
         return found
+
+
+class Sensor(NamedTuple):
+    """A publisher of other messages, such as scans."""
+
+    node: str = '/lidar'
+    topic: str = '/scan'
+    frame: str = 'laser'
+    rate: float = 10.0
+    offset: float = 0.0
+    begin: float = -20.0
+    takes: float = 0.02  #: from the stamp to the arrival (s)
+
+    def headers(self, clock: Callable[[int], int]) -> Headers:
+        found = Headers()
+        for i in range(round(-self.begin * self.rate)):
+            time = NOW + round((self.begin + i / self.rate) * S)
+            found.wants_next()
+            found.add(time + round(self.takes * S), header_of(
+                clock(time) + round(self.offset * S), self.frame))
+        return found
+
+
+class Message(NamedTuple):
+    """A message of TF that has arrived."""
+
+    time: int
+    publisher: str
+    is_static: bool
+    content: list[Row]
+    encoding: Any = cdr
+
+    @property
+    def data(self) -> bytes:
+        return cdr.pack(self.content)
+
+    def rows(self) -> list[Row]:
+        return self.content
 
 
 class Lookup(NamedTuple):
@@ -75,6 +128,10 @@ class World(NamedTuple):
     is_volatile: bool = False
     node: str = '/laptop'
     blocked: Mapping[str, Blocked] = {}
+    sensors: Sequence[Sensor] = ()
+    robots: Sequence[Robot] = ()
+    use_sim_time: Mapping[str, bool] = {}  #: by node
+    speed: float = 1.0  #: of the time on /clock
 
     def buffer(self, monotonic: Callable[[], int], cache_time: int = 10 * S) -> TransformBuffer:
         """Return the buffer of a program that has received what was sent."""
@@ -89,14 +146,63 @@ class World(NamedTuple):
             monotonic.return_value = time  # type: ignore[attr-defined]
             for edge in sender.edges:
                 parent, child = edge.split(' ')
-                pose: Any = sender.pose
-                buffer.insert(stamp, parent, child, pose, str(number) if self.has_gids else
+                buffer.insert(stamp, parent, child, sender.pose, str(number) if self.has_gids else
                               'default_authority', sender.is_static)
         monotonic.return_value = NOW  # type: ignore[attr-defined]
         if self.has_listener:
             engine.look = lambda: self.surroundings(bool(arrivals))
             engine.find_blocked = lambda: self.blocked
         return buffer
+
+    def time(self, arrival: int) -> int:
+        """Return the time of nodes when it is `arrival` on the clock of the computer (ns)."""
+        return arrival if self.clock is None else round(
+            self.clock * S + (arrival - NOW) * self.speed)
+
+    def observation(self) -> Observation:
+        """Return what `tf_doctor` observes."""
+        clock = StampClock(lambda: NOW)
+        clock.is_simulated = self.clock is not None
+        for i in range(-400, 1) if self.clock else ():
+            clock.add(NOW + i * S // 20, self.time(NOW + i * S // 20))
+        statistics = Statistics(clock=clock)
+        others: list[feeds.OtherTopic] = []
+        messages: list[Message] = []
+        for number, sender in enumerate(self.senders):
+            edges = [edge.split(' ') for edge in sender.edges]
+            if edges and sender.topic not in self.topics:
+                others.append(feeds.OtherTopic(
+                    sender.topic, {child: parent for parent, child in edges}, [sender.node]))
+            elif sender.type == TF and not sender.lacks:
+                messages += (Message(time, str(number), sender.is_static, [
+                    Row(stamp, parent, child, sender.pose) for parent, child in edges])
+                    for time, stamp in sender.messages())
+        statistics.add_messages(sorted(messages, key=lambda message: message.time))
+        nodes = {str(i): each.node for i, each in enumerate(self.senders)}
+        clocks = [feeds.Sender(node) for node in self.clock_nodes]
+        for each in clocks:
+            for time in NOW - 20 * S, NOW:
+                each.add(time, self.time(time))
+        static, dynamic = self.topics
+        around = self.surroundings(statistics.count > 0)
+        return Observation(
+            statistics, 'in 20 s', (dynamic, static), nodes,
+            {gid for gid, each in zip(nodes, self.senders) if not each.has_ended},
+            [Endpoint(each.topic, each.node, gid, each.type if each.type != TF else '',
+                      'VOLATILE' if each.lacks == 'transient local' else '',
+                      'a TransformListener' if each.lacks == 'reliable' else '')
+             for gid, each in zip(nodes, self.senders)
+             if each.topic in self.topics and not each.has_ended],
+            headers={each.topic: each.headers(self.time) for each in self.sensors},
+            senders={each.topic: [each.node] for each in self.sensors},
+            volatile_listeners=[self.node] * self.is_volatile,
+            other_namespaces=why_not_received(around, 'other_namespace', has_section=False),
+            robots=self.robots, clocks=clocks, use_sim_time=self.use_sim_time,
+            other_transforms=others, around=around,
+            end=self.time(NOW), stamp_clock=clock, ahead={
+                gid: 0 for gid, each in zip(nodes, self.senders) if 0.1 < each.offset <= 1.0},
+            not_known={} if self.clock != 0.0 else {'arrivals': 'nothing is on /clock'},
+            tf_topics=[each.topic for each in others])
 
     def surroundings(self, has_data: bool) -> Surroundings:
         present = [(str(i), each) for i, each in enumerate(self.senders) if not each.has_ended]

@@ -281,7 +281,7 @@ def test_another_type_beside_transforms(ros):
     assert (status, codes(data)) == (1, {'wrong_type'})
     code, output, _ = run(ros, 'map', 'camera', publishers=[static.pub_tf])
     assert code == 1
-    assert '/test publishes geometry_msgs/msg/TransformStamped on /tf, not ' in output
+    assert '/test publishes geometry_msgs/msg/TransformStamped on /tf, not' in output
 
 
 @pytest.mark.parametrize(('error', 'text'), [

@@ -41,8 +41,8 @@ def test_no_remedy_is_needed(ros):
     listener.buffer.set_transform_static(stamped('map', 'camera'), 'test')
     hint = listener.other_topics_hint()
     assert '/robot1/tf' in hint
-    assert listener.why_no_transform('map', 'camara').endswith(
-        f"Nearest known: 'camera'. {hint} More: tf_doctor --explain namespace")
+    assert listener.why_no_transform('map', 'lidar').endswith(
+        f"Known frames: 'camera', 'map'. {hint} More: tf_doctor --explain namespace")
     listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
     assert listener.other_topics_hint() == ''
 

@@ -48,9 +48,9 @@ def old_data(logs):
     return '\n'.join(record.getMessage() for record in logs)
 
 
-def report(transforms=(), messages=(), **kwargs):
+def report(transforms=(), messages=(), frame='base', **kwargs):
     """Return the text of the report on transforms and on messages, each (arrival, stamp) in ms."""
-    return str(examine(observed([*ROBOT, *transforms], messages, **kwargs)))
+    return str(examine(observed([*ROBOT, *transforms], messages, frame, **kwargs)))
 
 
 def clock(node):
@@ -75,7 +75,9 @@ PROVOKED = {
     'TF_REPEATED_DATA': (
         lambda _: report([tf(20_000, 19_980, 'odom base', x=1.0)]), 'warning same_stamp'),
     'The queue of a message filter is full': (
-        lambda _: report(messages=[(9000 + i, 30_000) for i in range(99)]), 'error message_never'),
+        lambda _: report([tf(i, i, 'base tool') for i in range(0, 9000, 100)],
+                         [(i, i) for i in range(9000, 11_000, 20)], 'tool'),
+        'error message_never'),
     'Messages are earlier than all data in the cache': (
         lambda _: report(messages=[(15_000 + i, i) for i in range(99)]), 'error message_too_old'),
     'use_sim_time and the wall clock': (
