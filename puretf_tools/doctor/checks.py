@@ -78,7 +78,8 @@ _FIRST_PART, _SPREAD, _LEAST_RATE = SECOND // 5, SECOND // 2, 5.0
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: The names of this many roots are compared with those of the other frames.
 _MOST_ROOTS = 100
-#: The codes of what is judged of the times of other messages.
+#: The codes of what is judged of stamps, and of the times of other messages.
+_OF_STAMPS = 'late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back'
 _OF_MESSAGES = ('message_other_clock', 'message_too_old', 'message_never', 'message_early')
 _child_of = attrgetter('child')
 
@@ -548,9 +549,9 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
                          f'those of {shortened(clock.child)}', [track])
 
 
-@_check('nanosec', f'Set nanosec to the nanoseconds within the second, below {SECOND}.',
+@_check('nanosec', 'Split the time into sec and nanosec, as rclpy.time.Time.to_msg() does.',
         'use_sim_time and the wall clock', meaning='The field nanosec of stamps is not the '
-        'nanoseconds within the second, so the stamps jump to and fro.')
+        f'nanoseconds within the second, which are below {SECOND}, so the stamps jump.')
 def _nanosec(observation: Observation) -> Iterator[_Fault]:
     statistics = observation.statistics
     for (publisher, is_static), (largest, children) in statistics.too_many_ns.items():
@@ -577,7 +578,7 @@ def _of_nanosec(observation: Observation, text: str, frames: Sequence[str], topi
                 nodes: Sequence[str]) -> _Fault:
     is_tf = topic in observation.topics
     return _Fault(text, (), frames, [topic], nodes, explains={
-        **dict.fromkeys(('late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back')
+        **dict.fromkeys((*_OF_STAMPS, 'two_publishers')
                         if is_tf else (), frames),
         **dict.fromkeys(_OF_MESSAGES, _below(observation, frames) if is_tf else frames)})
 

@@ -31,9 +31,9 @@ _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
 #: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
 #: of bins for a factor of two, and the number of bins. The end of the last bin exceeds int64.
 _FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
-#: Stamps that alternate between two clocks go back more often than this, and for more than this
-#: part of the transforms.
-_FEW_STEPS, _STEPS = 3, 0.02
+#: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
+#: and for more than this part of the transforms.
+_TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
 #: A jump is a move from pose to pose of at least this (m plus rad). Moves within more than
 #: `_LONGEST_MOVE` (ns) do not count; moves within less than `_SHORTEST_MOVE` (s) count as such.
 SMALLEST_JUMP, _LONGEST_MOVE, _SHORTEST_MOVE = 0.2, SECOND // 2, 0.02
@@ -92,8 +92,8 @@ class Track:
     @property
     def alternates(self) -> bool:
         """True if the stamps are of two clocks in turn, as those of two publishers."""
-        return bool(self['step_back'] > OTHER_CLOCK
-                    and self['backwards'] > max(_FEW_STEPS, _STEPS * self['count']))
+        return bool(self['step_back'] > _TURN
+                    and self['backwards'] > max(_FEW_TURNS, _TURNS * self['count']))
 
     @property
     def period(self) -> float:

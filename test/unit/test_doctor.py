@@ -333,6 +333,10 @@ CASES = {
         [each for i in range(100) for each in (
             tf(i, 'odom base_link'), tf(i, 'odom base_link', stamp=at(i) - 604_800 * S))],
         {'two_publishers', 'other_clock'}),
+    'two clocks in turn, 40 s apart': (
+        [each for i in range(100) for each in (
+            tf(i, 'odom base_link'), tf(i, 'odom base_link', stamp=at(i) - 40 * S))],
+        {'two_publishers', 'late'}),
     'nanosec of more than a second': (
         [(topic, time, with_nanosec(rows, 10**9 + i), kind)
          for i, (topic, time, rows, kind, _) in enumerate(robot()[1:])], {'nanosec'}),
@@ -698,7 +702,7 @@ def test_list(capsys):
         text = f'{check.meaning} {check.advice}'.strip()
         assert f'{check.code} ({check.severity})\n    {text}\n' in output
         assert check.meaning.endswith('.')
-        assert re.fullmatch(r'([A-Z][^.]*[.?])?', check.remedy)
+        assert re.fullmatch(r'([A-Z](?:[^.]|\.\S)*[.?])?', check.remedy)
 
 
 @pytest.mark.parametrize(('arguments', 'text'), [
