@@ -232,7 +232,8 @@ def _was(count: int) -> str:
 
 def _of_node(facts: Facts, authority: str) -> str:
     node = facts.around.node_of(authority) if facts.around.topics else authority
-    return f' from {shortened(node)}' if node not in ('', 'default_authority') else ''
+    is_known = node not in ('', 'default_authority', 'not recorded')
+    return f' from {shortened(node)}' if is_known else ''
 
 
 for _arguments in (
