@@ -549,8 +549,7 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
                          f'those of {shortened(clock.child)}', [track])
 
 
-@_check('nanosec', 'Split the time into sec and nanosec, as rclpy.time.Time.to_msg() does.',
-        'use_sim_time and the wall clock', meaning='The field nanosec of stamps is not the '
+@_check(*_same('nanosec'), meaning='The field nanosec of stamps is not the '
         f'nanoseconds within the second, which are below {SECOND}, so the stamps jump.')
 def _nanosec(observation: Observation) -> Iterator[_Fault]:
     statistics = observation.statistics

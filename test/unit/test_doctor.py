@@ -220,7 +220,7 @@ ALSO = {'disconnected': {'several_trees'}, 'message_never': {'gap'},
         'time_goes_back': {'same_stamp'}}
 #: The remedies that are not those of `CHECKS`, since they have numbers.
 REMEDIES = {
-    'message_other_clock': 'Correct the clock that has stamped it.',
+    'message_other_clock': 'Look at the clock that stamps the messages.',
     'message_early':
         'Wait: timeout=Duration(seconds=0.3) in the lookup; queue of a filter: MessageFilter(..., '
         'queue_size=10, ...). Or make the publisher send the transforms sooner.',
