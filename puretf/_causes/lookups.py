@@ -178,8 +178,11 @@ def _changing_parent(facts: Facts) -> Iterator[Evidence]:
     for frame in facts.buffer.changed:
         parents = facts.buffer.parents(frame)
         roots = {facts.buffer.chain(each.name)[-1] for each in parents}
-        if len(parents) > 1 and (frame == facts.edge.child if facts.edge else
-                                 roots.issuperset(facts.roots)):
+        if len(parents) < 2 or not (frame == facts.edge.child if facts.edge else
+                                    roots.issuperset(facts.roots)):
+            continue
+        # A single node may send a static transform anew, in another frame.
+        if not all(each.is_static for each in parents) or len(_senders(facts, frame, '')) > 1:
             yield Evidence(f'{quoted(frame)} has {len(parents)} parents: ' + ', '.join(
                 f'{quoted(each.name)}{" (static)" * each.is_static}'
                 f'{_by(facts, each.name, frame, each.authority)}' for each in parents[-4:]),

@@ -245,6 +245,11 @@ FAULTY = [
 
 #: Lookups that engineers thought of who had not seen the rules.
 THOUGHT_OF = [
+    Situation('two nodes send a static transform of one frame', World([
+        Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
+        Sender('/a', ['arm camera'], 0, '/tf_static', begin=-8.0),
+        Sender('/b', ['table camera'], 0, '/tf_static', begin=-7.0)]),
+        [Lookup('base', 'camera', ['changing_parent'], ("'arm' (static) by /a", 'by /b'))]),
     Situation('the localiser has ended, and the latest pose is asked', World([
         AMCL._replace(begin=-60.0, end=-15.0, has_ended=True), DRIVER._replace(begin=-60.0),
         LASER], has_gids=True), [Lookup('map', 'laser', ['gap'], ('/amcl', 'Start /amcl again'))]),
@@ -389,6 +394,11 @@ WELL = [
 
 #: Lookups whose error must name no cause, or another one than one could think.
 UNLUCKY = [
+    Situation('a node calibrates a camera, and moves it in the tree', World([
+        Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
+        Sender('/calibration', ['arm camera'], 0, '/tf_static', begin=-8.0),
+        Sender('/calibration', ['table camera'], 0, '/tf_static', begin=-7.0)]),
+        [Lookup('base', 'camera', [])]),
     Situation('a typo beside other faults', World([
         DRIVER, LASER, Sender('/viz', ['map m'], lacks='reliable'), Sender('/x', type='A')]),
         [Lookup('odom', 'lasr', [], ("'laser'",))]),

@@ -147,7 +147,7 @@ def test_joint_states_of_another_robot():
 
 def test_three_nodes_publish_the_clock():
     """All are named, and stamps are not judged by such a clock."""
-    back = [tf(i, i % 40 * 2000, 'map odom') for i in range(0, 2000, 20)]
+    back = [tf(i, i - 1500 * (i >= 1000), 'map odom') for i in range(0, 2000, 20)]
     assert codes(back) >= {'time_goes_back'}
     report = examine(observed(back, [], clocks=[
         sender('/a'), sender('/b', ahead=-9000), sender('/c'),
