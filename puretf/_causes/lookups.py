@@ -243,7 +243,7 @@ for _arguments in (
         ('not_a_number', 'a number is NaN or infinite',
          'Find out where the program computes it: often a division by zero, or a missing '
          'measurement.'),
-        ('unnormalized', 'the quaternion is zero', 'Set w = 1, or the rotation.'),
+        ('unnormalized', 'the quaternion is zero', 'Set its rotation; w = 1 is none.'),
         ('loop', 'the frame is its own parent', 'Publish it with another parent.'),
         ('empty_name', 'the other name is empty', 'Set frame_id and child_frame_id.')):
     _of_refusals(*_arguments)

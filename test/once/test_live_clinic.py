@@ -22,8 +22,8 @@ TYPES: dict[str, Any] = {'tf2_msgs/msg/TFMessage': TFMessage}
 def is_live(situation):
     """Return whether a situation arises within some seconds, in one process."""
     world = situation.world
-    return (world.clock is None and world.has_listener and not world.is_new and not world.blocked
-            and not world.is_volatile and not any(
+    return (bool(situation.lookups) and world.clock is None and world.has_listener
+            and not world.is_new and not world.blocked and not world.is_volatile and not any(
                 sender.has_ended or sender.end < 0.0 or sender.stamp or sender.type not in TYPES
                 for sender in world.senders)
             and not any(lookup.waited or 'cache_too_short' in (lookup.causes or ())
