@@ -275,11 +275,15 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     if edge and edge.refused and (edge.is_refusing if facts.symptom == FUTURE else
                                   facts.time <= edge.refused_stamp + RECENT):
+        both = {edge.refused_authority, edge.authority}
+        is_shared = len(both) == 2 and both.isdisjoint(facts.around.ended) and all(
+            map(facts.around.node_of, both))
         yield Evidence(
             f'{_transforms(edge.refused)} of {quoted(edge.child)}'
             f'{_of_node(facts, edge.refused_authority)} {_was(edge.refused)} refused, since one '
             f'at {exact_time(edge.latest)}{_of_node(facts, edge.authority)} is newer by more than '
             'the cache time', {'remedy': _PLAY if _is_played(facts) else (
+                f'Let only one node send {quoted(edge.child)}.' if is_shared else
                 'Clear the buffer; if it happens again, stop the node with the later clock.')})
 
 

@@ -245,6 +245,11 @@ FAULTY = [
 
 #: Lookups that engineers thought of who had not seen the rules.
 THOUGHT_OF = [
+    Situation('two robots with the same frames on one topic', World([
+        DRIVER, Sender('/robot2/ekf', ['odom base_link'], offset=-100.0)], has_gids=True),
+        [Lookup('odom', 'base_link', ['time_goes_back'],
+                ('from /robot2/ekf were refused', "Let only one node send 'base_link'"),
+                at=-100.0)]),
     Situation('two nodes send a static transform of one frame', World([
         Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
         Sender('/a', ['arm camera'], 0, '/tf_static', begin=-8.0),
