@@ -12,8 +12,9 @@ from puretf_tools.commands import tf2_echo, tf2_monitor, view_frames
 
 S = 10**9
 T = 1_700_000_000 * S
-#: The stamps go back by 130 s; the transforms before would be kept for 10 s.
-CAUSE = 'transforms arrive from /test, but their time went back by 130 s'
+#: The stamps go back by 130 s, and on until a command looks: by 129 s or more. The transforms
+#: before would be kept for 10 s.
+CAUSE = 'transforms arrive from /test, but their time went back by 1'
 
 
 @pytest.fixture
