@@ -80,13 +80,13 @@ def _known(facts: Facts, codes: Collection[str]) -> str:
         known = tuple(facts.buffer.names)
         names = ('' if facts.symptom == SILENCE else 'The buffer is empty.'
                  if not (known or around.topics) else suggest_names(facts.names[0], known))
-        if around.has_data or not around.topics:
-            return names
         nodes = sorted({each.node for each in around.publishers or ()})
-        return f'{names} ' * bool(names) + (
-            'The listener has just started; discovery can take some seconds.' if around.is_new else
-            f'Nothing has arrived yet from {comma_list(nodes, MAX_TOPICS, shortened)}.') if (
-                around.is_new or nodes) else names
+        why = ('' if around.has_data or not around.topics else
+               'The listener has just started; discovery can take some seconds.'
+               if around.is_new else
+               f'Nothing has arrived yet from {comma_list(nodes, MAX_TOPICS, shortened)}.'
+               if nodes else '')
+        return ' '.join(filter(None, (names, why)))
     if facts.symptom == UNCONNECTED:
         (target, source), (target_root, source_root) = map(quoted, facts.names), map(
             quoted, facts.roots)

@@ -14,7 +14,7 @@ from puretf._text.times import is_frozen, SECOND
 #: The symptoms of a lookup: a frame does not exist; two trees; a time before or after the data, or
 #: beside the only stamp; an edge without data, since the buffer was cleared; and, without a
 #: lookup, that nothing arrives; or none, since `tf_doctor` asks.
-SYMPTOMS = MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE, NONE = (
+MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE, NONE = (
     'missing', 'unconnected', 'past', 'future', 'one_time', 'cleared', 'silence', 'none')
 #: Times that are farther apart (ns) are from two clocks.
 OTHER_CLOCK = 60 * SECOND
@@ -111,7 +111,6 @@ class Parent(NamedTuple):
 
     name: str
     authority: str  #: the publisher
-    stamp: int  #: of the last transform in it (ns)
     is_static: bool
 
 
@@ -122,7 +121,6 @@ class Refusal:
     reason: str  #: the code of the cause, such as 'not_a_number'
     count: int
     authority: str  #: the publisher of the last one
-    is_static: bool
 
 
 class Edge(NamedTuple):

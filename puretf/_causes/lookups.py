@@ -30,6 +30,9 @@ _rule = registry(RULES)
 _NOT_THERE = MISSING, UNCONNECTED
 _NO_DATA = MISSING, UNCONNECTED, SILENCE
 _TIMES = PAST, FUTURE, ONE_TIME
+_SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, with a '
+               'StaticTransformBroadcaster.')
+_PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
 #: No cache time that is longer than this (ns) is proposed.
 LONGEST_CACHE = 600 * SECOND
 #: A transform was sent once if no other one has followed for this time (ns).
@@ -133,11 +136,9 @@ def _pairs(facts: Facts) -> list[tuple[str, str]]:
 @_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
        'Two unconnected trees', symptoms=(UNCONNECTED,))
 def _part_prefix(facts: Facts) -> Iterator[Evidence]:
-    roots = {name: facts.buffer.chain(name)[-1]
-             for name in facts.buffer.names[:_MAX_COMPARED]}
     trees: dict[str, list[str]] = {}
-    for name, root in roots.items():
-        trees.setdefault(root, []).append(name)
+    for name in facts.buffer.names[:_MAX_COMPARED]:
+        trees.setdefault(facts.buffer.chain(name)[-1], []).append(name)
     # The trees of the lookup, and those between them.
     for root in facts.roots:
         for other, names in trees.items():
@@ -489,7 +490,7 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
               if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node
               and not each.lacks}
     players = [node for node, topic in silent.items()
-               if 'rosbag2_player' in node and topic.endswith('_static')]
+               if _PLAYER in node and topic.endswith('_static')]
     if facts.symptom == NONE:  # a robot_state_publisher may have fixed joints only
         silent = {node: topic for node, topic in silent.items()
                   if node not in around.waits_for
@@ -518,16 +519,14 @@ def _two_clocks(facts: Facts) -> Iterator[Evidence]:
                        f'{_listed(nodes)}')
 
 
-@_rule('frozen_stamp', 'Send it again and again with new stamps or, if it does not move, with a '
-       'StaticTransformBroadcaster.', 'Only one time is in the buffer', symptoms=_TIMES,
+@_rule('frozen_stamp', _SEND_AGAIN, 'Only one time is in the buffer', symptoms=_TIMES,
        explains=('gap', 'one_shot', 'other_clock', 'too_soon'))
 def _frozen_stamp(facts: Facts) -> Iterator[Evidence]:
     if facts.edge and facts.edge.is_frozen and not facts.edge.refused:
         yield Evidence('All that have arrived have this stamp')
 
 
-@_rule('one_shot', 'Send it again and again with new stamps or, if it does not move, with a '
-       'StaticTransformBroadcaster.', 'Only one time is in the buffer', symptoms=_TIMES,
+@_rule('one_shot', _SEND_AGAIN, 'Only one time is in the buffer', symptoms=_TIMES,
        needs=('listener',), explains=('gap', 'too_soon'))
 def _one_shot(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
@@ -553,7 +552,7 @@ def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
     offset = facts.time - now + round(facts.waited.seconds * SECOND if facts.waited else 0)
     if is_off(offset, facts.time, now) and (offset < 0 or (
             facts.time > edge.latest + RECENT
-            and offset > (_LATE if facts.around.is_simulated else RECENT))):
+            and (offset > _LATE or not facts.around.is_simulated))):
         yield Evidence(f'That time is {apart(offset, facts.time)} the clock of this node, and '
                        'the data are in time')
 
@@ -585,7 +584,7 @@ _LARGE = 10 * SECOND
 
 def _is_played(facts: Facts) -> bool:
     """Return whether a bag is played."""
-    return any('rosbag2_player' in each.node for each in facts.around.publishers or ())
+    return any(_PLAYER in each.node for each in facts.around.publishers or ())
 
 
 def data_offset(facts: Facts) -> int:

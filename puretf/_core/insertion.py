@@ -59,8 +59,7 @@ class Insertion:
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if warnings := texts.refusals(parent, child, pose, authority):
-            self._tree.note_refusal(child, _reason(parent, child, (qx, qy, qz, qw)), authority,
-                                    is_static)
+            self._tree.note_refusal(child, _reason(parent, child, (qx, qy, qz, qw)), authority)
             self.log.warn(child, *warnings, end=partial(
                 publisher_end, self._tree.look, authority, is_static))
             return False

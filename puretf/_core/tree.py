@@ -73,17 +73,16 @@ class FrameTree:
             parents = self._earlier.setdefault(child, {})
             for name in history.all_parents:
                 parents.pop(name, None)
-                parents[name] = Parent(
-                    name, history.authority, history.latest, history.is_static)
+                parents[name] = Parent(name, history.authority, history.is_static)
             for name in [*parents][:-_MAX_PARENTS]:
                 del parents[name]
 
-    def note_refusal(self, child: str, reason: str, authority: str, is_static: bool) -> None:
+    def note_refusal(self, child: str, reason: str, authority: str) -> None:
         """Count a transform that is refused for a reason: the code of a cause."""
         if child in self._refusals or len(self._refusals) < _MAX_REFUSED:
             reasons = self._refusals.setdefault(child, {})
             count = reasons[reason].count + 1 if reason in reasons else 1
-            reasons[reason] = Refusal(reason, count, authority, is_static)
+            reasons[reason] = Refusal(reason, count, authority)
 
     def note_nanosec(self, children: list[str], nanosec: int) -> None:
         """Keep a `nanosec` of the stamps of some frames that is 10**9 or more."""
@@ -108,12 +107,12 @@ class FrameTree:
         # A frame that is handed over to another one, as by a gripper, has one parent.
         is_moved = not history.is_static and sum(
             map(ne, parents[-_LAST - 1:], parents[-_LAST:])) < 2
-        found = {each: Parent(each, '', 0, False) for each in parents if not is_moved}
+        found = {each: Parent(each, '', False) for each in parents if not is_moved}
         found.update((name, each) for name, each in tuple(self._earlier.get(child, {}).items())
                      if each.is_static or not is_moved)
         found.pop(newest, None)
         return [*found.values(),
-                Parent(newest, history.authority, history.latest, history.is_static)]
+                Parent(newest, history.authority, history.is_static)]
 
     def remove(self, name: str) -> None:
         """Drop the samples of a frame; its name stays if it is the parent of another one."""
@@ -168,9 +167,8 @@ class FrameTree:
         seen = {frame}
         for name in found:
             if (history := self.histories.get(name)) is not None:
-                parents = [*history.all_parents]  # at once, since `_slip` has no lock
-                found += [parent for parent in parents if parent not in seen]
-                seen.update(parents)
+                found += [parent for parent in history.all_parents if parent not in seen]
+                seen.update(history.all_parents)
         return seen
 
     def chains_to_meeting(self, source: str, target: str, time: int = END

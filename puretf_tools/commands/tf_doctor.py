@@ -15,6 +15,7 @@ from typing import Any, Optional, TYPE_CHECKING
 import numpy as np
 
 from puretf import exact_time, in_seconds, TF_MESSAGE, visible
+from puretf._causes.facts import OTHER_CLOCK
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import number, Parser, run, UsageError
@@ -30,7 +31,7 @@ from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.bag_times import span_of, why_outside
 from puretf_tools.inspection.feeds import OtherTopic
 from puretf_tools.inspection.gaps import holes_at
-from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, PATIENCE
+from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
 

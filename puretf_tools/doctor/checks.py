@@ -22,6 +22,7 @@ from puretf import (
     TF_MESSAGE,
 )
 from puretf._causes.clocks import apart, known_offset, SINCE_START
+from puretf._causes.facts import OTHER_CLOCK
 from puretf._causes.lookups import (
     LONGEST_CACHE,
     part_prefix,
@@ -43,7 +44,7 @@ from puretf_tools.doctor.tf_statistics import (
 from puretf_tools.inspection.feeds import half_text, rivals, Sender
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
-from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
+from puretf_tools.inspection.stamp_clock import StampClock
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 #: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
@@ -503,7 +504,11 @@ def _known_offset(observation: Observation, delay: float, stamp: int) -> str:
     """Say what a delay of stamps (ns) is, if it is known as an offset of clocks."""
     if 0 < stamp < SINCE_START and not _fits_clock(observation, stamp):
         return '; stamps near 0 count from the start of a device or a simulation'
-    name = known_offset(round(-delay)) if isfinite(delay) else ''
+    return _known(round(-delay)) if isfinite(delay) else ''
+
+
+def _known(offset: int) -> str:
+    name = known_offset(offset)
     return f' ({name})' if name else ''
 
 
@@ -677,11 +682,6 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
         fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
                          f'{_edge_text(observation, edge)} {reason}')
         yield fault._replace(time=int(edge.end))
-
-
-def _known(offset: int) -> str:
-    name = known_offset(offset)
-    return f' ({name})' if name else ''
 
 
 def _found(observation: Observation, verdict: Verdict, least_wait: int = 0

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf import SECOND
+from puretf._causes.facts import OTHER_CLOCK
 from puretf.bag import Headers
-from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
+from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST
 
 #: A message that waits at least this long (ns) is reported.

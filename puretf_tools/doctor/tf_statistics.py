@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf import is_frozen, SECOND, shortened
+from puretf._causes.facts import OTHER_CLOCK
 from puretf.transform_table import Message, transform_tables, TransformTable
-from puretf_tools.inspection.stamp_clock import OTHER_CLOCK, StampClock
+from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import Counts, DELAYS, rate
 
 #: A transform is late if it arrives more than `LATE` (ns) after its stamp, and it is from the

@@ -1,7 +1,7 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
 from time import monotonic
-from typing import Any, Optional
+from typing import Optional
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -48,7 +48,7 @@ class FrameListener(PublisherListener):
 
     def around(self) -> Surroundings:
         """Return what the ROS graph shows; of the nodes that wait, tools are left out."""
-        around: Surroundings = self._surroundings()
+        around = self._surroundings()
         return around._replace(waits_for={
             node: topic for node, topic in around.waits_for.items() if not is_tool(node)})
 
@@ -103,7 +103,7 @@ class FrameListener(PublisherListener):
         nodes = comma_list(self.clock_sampler.nodes(), 3, visible)
         return f'times are those of /clock{nodes and f", published by {nodes}"}'
 
-    def _surroundings(self) -> Any:
+    def _surroundings(self) -> Surroundings:
         return super()._surroundings()._replace(
             now=self.clock.now(), is_simulated=self.clock.is_simulated)
 

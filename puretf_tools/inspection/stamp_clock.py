@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf import SECOND
+from puretf._causes.facts import OTHER_CLOCK
 
-#: A stamp that is farther than this from the time of arrival (ns) is from another clock.
-OTHER_CLOCK = 60 * SECOND
 #: For how long, at most, messages wait for the choice of the clock (s).
 PATIENCE = 5.0
 #: The largest number of times of /clock that are kept, and from how many its pace is computed.
