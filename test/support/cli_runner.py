@@ -12,6 +12,7 @@ from processes import ARM, open_terminal, Process, reserved_domain, TIMEOUT
 import pytest
 from ros_node import eventually
 
+from puretf_tools.cli.fast_dds import remove_unfinished_ports
 from puretf_tools.cli.signals import forget_signals
 
 
@@ -94,6 +95,8 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
 
     before = os.environ.get('ROS_DOMAIN_ID'), signal.signal(signal.SIGINT, lambda *_: None)
     os.environ['ROS_DOMAIN_ID'] = str(domain)
+    for _ in remove_unfinished_ports():
+        pass  # another test has killed a process; the command would say so
     watch = threading.Timer(TIMEOUT, press_ctrl_c)
     watch.start()
     outputs: list[Output] = []
