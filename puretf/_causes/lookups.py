@@ -20,7 +20,14 @@ from puretf._causes.facts import (
     UNCONNECTED,
 )
 from puretf._causes.rules import Evidence, registry, Rule
-from puretf._text.names import comma_list, MAX_TOPICS, quoted, shortened, TF_MESSAGE
+from puretf._text.names import (
+    comma_list,
+    MAX_TOPICS,
+    namespace_distance,
+    quoted,
+    shortened,
+    TF_MESSAGE,
+)
 from puretf._text.similar_names import difference, is_slip, may_be_one_robot, without_prefix
 from puretf._text.times import exact_time, SECOND
 
@@ -302,13 +309,14 @@ def _nanosec(facts: Facts) -> Iterator[Evidence]:
 
 @_rule('wrong_type', 'Send transforms with a TransformBroadcaster or a '
        'StaticTransformBroadcaster.', 'A frame does not exist', symptoms=_NO_DATA,
-       needs=('publishers',))
+       needs=('publishers',), explains=('no_transforms',))
 def _wrong_type(facts: Facts) -> Iterator[Evidence]:
-    wrong = dict.fromkeys(
-        f'{shortened(each.node)} publishes {shortened(each.type)} on {each.topic}'
-        for each in facts.around.publishers or () if each.type != TF_MESSAGE)
+    wrong = [each for each in facts.around.publishers or () if each.type != TF_MESSAGE]
+    texts = dict.fromkeys(f'{shortened(each.node) or "a node"} publishes {shortened(each.type)} '
+                          f'on {each.topic}' for each in wrong)
     if wrong and not facts.has_near_name:
-        yield Evidence(f'{comma_list([*wrong], MAX_TOPICS)}, not {TF_MESSAGE}')
+        yield Evidence(f'{comma_list([*texts], MAX_TOPICS)}, not {TF_MESSAGE}',
+                       nodes=[each.node for each in wrong], topics=[each.topic for each in wrong])
 
 
 @_rule('volatile_listener', 'Omit static_qos, or make it transient local.',
@@ -321,15 +329,20 @@ def _volatile_listener(facts: Facts) -> Iterator[Evidence]:
 
 
 def _of_qos(code: str, lack: str, remedy: str) -> None:
-    @_rule(code, remedy, 'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',))
+    @_rule(code, remedy, 'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',),
+           explains=('no_transforms',))
     def find(facts: Facts) -> Iterator[Evidence]:
-        nodes: dict[str, set[str]] = {}
+        topics: dict[str, list[str]] = {}
         for each in () if facts.has_near_name else facts.around.publishers or ():
             if each.type == TF_MESSAGE and each.lacks == lack:
-                nodes.setdefault(each.topic, set()).add(each.node)
-        for topic, names in nodes.items():
-            yield Evidence(f'Nothing arrives on {topic} from {_listed(sorted(names))}, whose '
-                           f'publisher is not {lack}')
+                topics.setdefault(each.topic, []).append(each.node)
+        for topic, found in topics.items():
+            nodes = sorted({*found} - {''})
+            yield Evidence(
+                f'{len(found)} publisher{"s" * (len(found) > 1)} on {topic}'
+                f'{f" ({_listed(nodes)})" if nodes else ""} {"are" if len(found) > 1 else "is"} '
+                f'not {lack}: listeners that require it receive nothing', nodes=nodes,
+                topics=[topic])
 
 
 _of_qos('static_not_latched', 'transient local', 'Send with a StaticTransformBroadcaster.')
@@ -348,7 +361,7 @@ def _other_namespace(facts: Facts) -> Iterator[Evidence]:
     first = shortened(around.other_topics[0])
     yield Evidence(f'No transform has arrived on {around.topics[-1]}, but transforms are '
                    f'published on {_listed(around.other_topics)}',
-                   {'topic': first, 'options': _listening_to(first)})
+                   {'topic': first, 'options': _listening_to(first)}, topics=around.topics[-1:])
 
 
 def _listening_to(topic: str) -> str:
@@ -360,42 +373,47 @@ def _listening_to(topic: str) -> str:
 
 
 @_rule('half_namespace', '{remedy}.', 'Half of a robot is in a namespace', symptoms=_NOT_THERE,
-       needs=('listener',), is_costly=True, explains=('silent_publisher',))
+       needs=('listener',), is_costly=True,
+       explains=('silent_publisher', 'several_trees', 'disconnected', 'other_namespace'))
 def _half_namespace(facts: Facts) -> Iterator[Evidence]:
-    around = facts.around
-    if not around.other_topics:
-        return
-    own, roots = around.topics[-1].removesuffix('_static'), facts.roots
-    known = {*facts.buffer.names} if facts.symptom == MISSING else set()
+    topics, parents = facts.around.topics, facts.buffer.newest
+    own = topics[-1].removesuffix('_static')
+    trees: dict[str, dict[str, Heard]] = {}  # by the other topics: who sends which child
     for heard in facts.heard:
-        if heard.topic in around.topics or not may_be_one_robot(own, heard.base):
-            continue
-        for child, parent in heard.parents.items():
-            if not (child in roots or (facts.symptom == MISSING
-                                       and facts.names[0] in (parent, child))):
-                continue
-            if remedy := _half_remedy(facts, heard, parent, child, own, known):
-                yield Evidence(f'{quoted(parent)} -> {quoted(child)} is published on '
-                               f'{shortened(heard.topic)} by {_listed(heard.nodes)}, but this '
-                               f'listener is on {" and ".join(around.topics[::-1])}',
-                               {'remedy': remedy})
+        if heard.topic not in topics:
+            trees.setdefault(heard.base, {}).update(dict.fromkeys(heard.parents, heard))
+    # If a frame is the root in several namespaces, these are robots that share it, such as a map.
+    roots = [{*parents.values()} - parents.keys(), *(
+        {each.parents[child] for child, each in tree.items()} - tree.keys()
+        for tree in trees.values())]
+    for base in sorted(trees, key=lambda base: (_namespaces_between(base, own), base)):
+        edges = [(each.parents[child], child, each) for child, each in trees[base].items()]
+        # The whole tree of another robot has the same children, or no frame in common.
+        is_another = not trees[base].keys().isdisjoint(parents)
+        joints = {frame for parent, child, _ in edges for frame, others in (
+            (parent, parents.keys()), (child, {*parents.values()})) if frame in others
+            and not is_another and sum(frame in each for each in roots) < 2}
+        wanted = ({*facts.names[:1]} if facts.symptom == MISSING else joints & {*facts.roots}
+                  if facts.symptom == UNCONNECTED else {*sorted(joints)[:1]})
+        found = next((edge for edge in edges if not wanted.isdisjoint(
+            edge[facts.symptom == UNCONNECTED:2])), None)
+        if found and may_be_one_robot(base, own):
+            parent, child, heard = found
+            nodes = f' by {_listed(heard.nodes)}' if heard.nodes else ''
+            yield Evidence(
+                f'{quoted(parent)} -> {quoted(child)} is published on {shortened(heard.topic)}'
+                f'{nodes}, not on {" and ".join(topics[::-1])}', {
+                    'remedy': 'Use a TransformListener' if own == base else
+                    remap_both(max(own, base, key=lambda topic: (topic.count('/'), topic)))
+                    if joints else f'To listen to {shortened(base)}, pass '
+                    f'{_listening_to(shortened(base))}'},
+                heard.nodes, [heard.topic], [parent, child])
+            if facts.symptom != NONE:
                 return
 
 
-def _half_remedy(facts: Facts, heard: Heard, parent: str, child: str, own: str, known: set[str]
-                 ) -> str:
-    around, base = facts.around, shortened(heard.base)
-    if len(around.topics) == 1 and own == heard.base:
-        return 'Use a TransformListener'
-    siblings = {each for other in facts.heard if other.base == heard.base
-                for each in other.parents}
-    # Another robot has frames of the same names.
-    is_another = any(facts.buffer.parents(name) for name in siblings)
-    if is_another and facts.symptom == UNCONNECTED:
-        return ''
-    if is_another or (facts.symptom == MISSING and parent not in known and child not in known):
-        return f'To listen to {base}, pass {_listening_to(base)}'
-    return remap_both(max(own, heard.base, key=lambda topic: topic.count('/')))
+def _namespaces_between(topic: str, other: str) -> int:
+    return namespace_distance(*(each.rpartition('/')[0] for each in (topic, other)))
 
 
 def remap_both(topic: str) -> str:
@@ -477,7 +495,7 @@ def _no_transforms(facts: Facts) -> Iterator[Evidence]:
        needs=('publishers',), is_costly=True)
 def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
-    sent = {each.gid for each in facts.heard}
+    sent = {each.gid for each in facts.heard if each.topic in around.topics}
     heard = {child for each in facts.heard for child in each.parents}
     # Who sends what the buffer has, and was not heard now, is not known.
     # A frame may have been handed over by a node that sends nothing now.

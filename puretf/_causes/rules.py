@@ -13,6 +13,7 @@ class Evidence(NamedTuple):
     values: Mapping[str, object] = MappingProxyType({})  #: those of the braces in the remedy
     nodes: Sequence[str] = ()  #: the full names of the nodes that it names
     topics: Sequence[str] = ()  #: the topics that it names
+    frames: Sequence[str] = ()  #: the frames, if `tf_doctor` is to list them
 
 
 class Rule(NamedTuple):

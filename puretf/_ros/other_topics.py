@@ -32,10 +32,6 @@ _LATCHED = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE,
 _OTHER = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-#: A topic, its newest parents by child frame, and the full names of the nodes that publish on it.
-TopicFrames = tuple[str, dict[str, str], list[str]]
-
-
 class TransformSampler:
     """
     Subscriptions to all topics of transforms except some; no executor serves them.
@@ -66,13 +62,6 @@ class TransformSampler:
                         if parent and child and not is_too_long(child) and (
                                 child in parents or len(parents) < _MOST_FRAMES):
                             parents[child] = parent
-
-    def topics(self) -> list[TopicFrames]:
-        """Return the topics on which transforms have arrived."""
-        return [(topic, parents, sorted({*self._nodes(topic).values()}))
-                for topic, by_gid in self._parents.items()
-                if (parents := {child: parent for each in by_gid.values()
-                                for child, parent in each.items()})]
 
     def heard(self) -> list[Heard]:
         """Return what each publisher has sent."""

@@ -15,7 +15,7 @@ from typing import Any, Optional, TYPE_CHECKING
 import numpy as np
 
 from puretf import exact_time, in_seconds, TF_MESSAGE, visible
-from puretf._causes.facts import OTHER_CLOCK
+from puretf._causes.facts import OTHER_CLOCK, Publisher, Surroundings
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import number, Parser, run, UsageError
@@ -24,12 +24,11 @@ from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
-from puretf_tools.doctor.observation import BagObserver, Endpoint, in_words, Observation
+from puretf_tools.doctor.observation import BagObserver, in_words, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.tf_statistics import FUTURE, Statistics
 from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.bag_times import span_of, why_outside
-from puretf_tools.inspection.feeds import OtherTopic
 from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import wrapped
@@ -243,7 +242,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
 
         elapsed = listen(duration, listener.buffer.frame_names, poll)
         listening.settle()
-        joint_senders = robots.senders()
+        joint_senders, around = robots.senders(), listener.around()
         left_out = [f'headers on {topic}: {why}'
                     for topic, why in sorted(headers.not_read.items())]
         if listening.dropped:
@@ -251,20 +250,18 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
         return Observation(
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
-            present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
+            present=listener.present, mismatches=[*_mismatches(node, around)],
             volatile_listeners=_volatile_listeners(node, static), headers=headers.headers(),
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
             clocks=clock.senders(), clears=clock.jumps, use_sim_time=survey.use_sim_time(),
             tf_listeners=robots.subscribers(dynamic),
-            other_transforms=[OtherTopic(*each) for each in transforms.topics()],
+            other_transforms=transforms.heard(),
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                        if TF_MESSAGE in types and node.count_publishers(topic)],
-            not_known=_not_known(listening), left_out=left_out, why_no_transforms=(
-                '' if statistics.count else listener.why_nothing().partition(' More: ')[0]),
-            other_namespaces=listener.other_topics_hint(), end=listening.end,
+            not_known=_not_known(listening), left_out=left_out, end=listening.end,
             stamp_clock=listener.clock, ahead=listener.ahead, clock_text=listener.clock_text(),
-            clock_stands=clock.stands(), clock_nodes=clock.nodes(), around=listener.around())
+            clock_stands=clock.stands(), clock_nodes=clock.nodes(), around=around)
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:
@@ -277,25 +274,23 @@ def _not_known(listening: _Listening) -> dict[str, str]:
     return not_known
 
 
-def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
-    from rclpy.qos import DurabilityPolicy
+def _mismatches(node: 'Node', around: Surroundings) -> Iterator[tuple[Publisher, str]]:
+    """Yield the publishers whose QoS does not match that of another node's listener, and why."""
+    from rclpy.qos import qos_check_compatible, QoSCompatibility
 
-    from puretf.publisher_listener import gid_of, node_of
-    own_name = node.get_fully_qualified_name()
-    for topic in topics:
-        # The subscription of this node has the QoS of tf2's TransformListener; it comes first.
-        listeners = sorted((info for info in node.get_subscriptions_info_by_topic(topic)
-                            if info.topic_type == TF_MESSAGE),
-                           key=lambda info: node_of(info) != own_name)
-        for publisher in node.get_publishers_info_by_topic(topic):
-            if publisher.topic_type != TF_MESSAGE:
-                yield Endpoint(topic, node_of(publisher), wrong_type=publisher.topic_type)
+    from puretf.publisher_listener import gid_of, node_of, UNKNOWN
+    for topic in around.topics:
+        listeners = node.get_subscriptions_info_by_topic(topic)
+        qos = {gid_of(info): info.qos_profile for info in node.get_publishers_info_by_topic(topic)}
+        for each in around.publishers or ():
+            if each.topic != topic or each.type != TF_MESSAGE or each.lacks or each.gid not in qos:
                 continue
-            yield Endpoint(
-                topic, node_of(publisher), gid_of(publisher),
-                unlatched='VOLATILE' if topic == topics[1] and (
-                    publisher.qos_profile.durability == DurabilityPolicy.VOLATILE) else '',
-                mismatch=_mismatch(publisher, listeners, own_name))
+            for listener in listeners:
+                compatibility, reason = qos_check_compatible(qos[each.gid], listener.qos_profile)
+                if compatibility == QoSCompatibility.ERROR and listener.topic_type == TF_MESSAGE:
+                    name = node_of(listener).replace(UNKNOWN, 'an unknown listener')
+                    yield each, f'{name} ({reason.replace("ERROR: ", "").rstrip(";. ")})'
+                    break
 
 
 def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
@@ -305,21 +300,6 @@ def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
     return [node_of(info) for info in node.get_subscriptions_info_by_topic(topic)
             if info.topic_type == TF_MESSAGE
             and info.qos_profile.durability == DurabilityPolicy.VOLATILE]
-
-
-def _mismatch(publisher: Any, listeners: Sequence[Any], own_name: str) -> str:
-    """Return the first listener whose QoS a publisher does not match, and why."""
-    from rclpy.qos import qos_check_compatible, QoSCompatibility
-
-    from puretf.publisher_listener import node_of, UNKNOWN
-    for listener in listeners:
-        compatibility, reason = qos_check_compatible(publisher.qos_profile, listener.qos_profile)
-        if compatibility == QoSCompatibility.ERROR:
-            name = node_of(listener)
-            words = {own_name: 'a TransformListener', UNKNOWN: 'an unknown listener'}
-            return (f'{words.get(name, name)} '
-                    f'({reason.replace("ERROR: ", "").rstrip(";. ")})')
-    return ''
 
 
 def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: Sequence[str],

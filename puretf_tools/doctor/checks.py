@@ -1,6 +1,7 @@
 """The checks: each is a function that looks for one kind of fault in an `Observation`."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain, combinations, pairwise
 from math import ceil, isfinite
 from operator import attrgetter, itemgetter
@@ -22,13 +23,13 @@ from puretf import (
     TF_MESSAGE,
 )
 from puretf._causes.clocks import apart, known_offset, SINCE_START
-from puretf._causes.facts import OTHER_CLOCK
+from puretf._causes.explanation import explain
+from puretf._causes.facts import Facts, OTHER_CLOCK, SILENCE
 from puretf._causes.lookups import (
     LONGEST_CACHE,
     part_prefix,
     part_prefix_text,
     remap,
-    remap_both,
     RULES,
 )
 from puretf._causes.rules import known, registry, Rule
@@ -41,7 +42,7 @@ from puretf_tools.doctor.tf_statistics import (
     SMALLEST_JUMP,
     Track,
 )
-from puretf_tools.inspection.feeds import half_text, rivals, Sender
+from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.inspection.stamp_clock import StampClock
@@ -127,14 +128,6 @@ def _same(code: str) -> tuple[str, str, str]:
     return code, RULES[code].remedy, RULES[code].section
 
 
-def _find_same(code: str, observation: Observation) -> Iterator[_Fault]:
-    """Yield what a rule of errors finds in the facts of the ROS graph."""
-    for evidence in RULES[code].find(observation.facts):
-        yield _Fault(evidence.text, (), (), evidence.topics, evidence.nodes,
-                     RULES[code].remedy.format(**evidence.values) or None,
-                     explains=dict.fromkeys(RULES[code].explains))
-
-
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
     """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
     findings: list[Finding] = []
@@ -185,39 +178,38 @@ def _hertz(track: Track) -> str:
 @_check('no_transforms', 'Start the nodes that publish transforms, in the same ROS domain.',
         'A frame does not exist', meaning='Nothing was received on /tf and /tf_static.')
 def _no_transforms(observation: Observation) -> Iterator[_Fault]:
-    is_explained = observation.other_namespaces or observation.recreated or any(
-        endpoint.wrong_type for endpoint in observation.endpoints)
-    if not observation.tracks and not is_explained:
-        refused = [each for each in observation.endpoints if each.mismatch or each.unlatched]
-        # Its last sentence is the remedy.
-        cause, _, remedy = observation.why_no_transforms.rstrip('.').rpartition('. ')
-        yield _Fault(f'{len(observation.endpoints)} publishers exist, but {len(refused)} of them '
-                     'do not match the QoS of a listener', topics=observation.topics,
-                     remedy='Change their QoS.') if refused else _Fault(
-                         cause or '0 transforms', topics=observation.topics,
-                         remedy=remedy and f'{remedy}.')
+    if not observation.tracks:
+        # It has its remedy.
+        text = explain(Facts(SILENCE, observation.around))[0].partition(' More: ')[0]
+        yield _Fault(text or '0 transforms', topics=observation.topics,
+                     remedy=None if text else '')
 
 
-@_check(*_same('no_clock'), needs=('listeners',), meaning='Nodes use the time on /clock, and '
-        'nothing publishes it: their time does not begin.')
-def _no_clock(observation: Observation) -> Iterator[_Fault]:
-    yield from _find_same('no_clock', observation)
+def _of_lookups(code: str, meaning: str, severity: str = 'error', *needs: str) -> None:
+    """Add a check for what a rule of errors finds in the facts of the ROS graph."""
+    _check(*_same(code), meaning=meaning, severity=severity, needs=needs)(
+        partial(_found_by, code))
 
 
-@_check(*_same('no_robot_state_publisher'), needs=('listeners',),
-        meaning='Joint states have a publisher, but nothing publishes transforms.')
-def _no_robot_state_publisher(observation: Observation) -> Iterator[_Fault]:
-    yield from _find_same('no_robot_state_publisher', observation)
+def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
+    for evidence in RULES[code].find(observation.facts):
+        yield _Fault(evidence.text, (), evidence.frames, evidence.topics, evidence.nodes,
+                     RULES[code].remedy.format(**evidence.values) or None,
+                     explains=dict.fromkeys(RULES[code].explains))
 
 
-@_check(*_same('wrong_type'), meaning='Messages on /tf or /tf_static have another type than '
-        f'{TF_MESSAGE}; no listener receives them.')
-def _wrong_type(observation: Observation) -> Iterator[_Fault]:
-    for endpoint in observation.endpoints:
-        if endpoint.wrong_type:
-            yield _Fault(f'{endpoint.node or "a node"} publishes {endpoint.wrong_type} on '
-                         f'{endpoint.topic}, not {TF_MESSAGE}', topics=[endpoint.topic],
-                         nodes=[endpoint.node])
+_of_lookups('no_clock', 'Nodes use the time on /clock, and nothing publishes it: their time does '
+            'not begin.', ERROR, 'listeners')
+_of_lookups('no_robot_state_publisher', 'Joint states have a publisher, but nothing publishes '
+            'transforms.', ERROR, 'listeners')
+_of_lookups('wrong_type', 'Messages on /tf or /tf_static have another type than '
+            f'{TF_MESSAGE}; no listener receives them.')
+_of_lookups('static_not_latched', 'A publisher on /tf_static does not keep its messages for later '
+            'listeners.', ERROR, 'qos')
+_of_lookups('other_namespace', 'Nothing publishes on /tf, but there are transforms on the topic '
+            'tf of a namespace.', WARNING)
+_of_lookups('silent_publisher', 'Nothing has arrived from a publisher on /tf or /tf_static.',
+            INFO, 'listeners')
 
 
 @_check('two_publishers', 'Stop one of the publishers, or give its frame another name.',
@@ -264,7 +256,7 @@ def _many_publishers(observation: Observation) -> Iterator[_Fault]:
         frames = [track.child for track in observation.tracks if track.publisher in found]
         where = ', from one node' if node.startswith('/') else ''
         yield _Fault(f'{len(found)} publishers, one after another{where}', (), frames, [topic],
-                     [node])
+                     [node], explains={'no_transforms': None})
 
 
 @_check(*_same('changing_parent'),
@@ -387,7 +379,7 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
                              'no_transforms': None} if others else {})
             is_found = True
     if not is_found:
-        yield from _find_same('joint_without_state', observation)
+        yield from _found_by('joint_without_state', observation)
 
 
 @_check('disconnected', 'Publish a transform between the trees.', 'Two unconnected trees',
@@ -418,16 +410,6 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
                 remedy=observation.missing_part)
 
 
-@_check(*_same('static_not_latched'), needs=('qos',),
-        meaning='A publisher on /tf_static does not keep its messages for later listeners.')
-def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
-    for endpoint in observation.endpoints:
-        if endpoint.unlatched:
-            of_node = f' of {endpoint.node}' if endpoint.node else ''
-            yield _Fault(f'1 publisher{of_node} on {endpoint.topic} has the durability '
-                         f'{endpoint.unlatched}', topics=[endpoint.topic], nodes=[endpoint.node])
-
-
 @_check('volatile_listener',
         'Use a TransformListener, or give the subscription the durability TRANSIENT_LOCAL.',
         'The QoS of /tf_static', severity=WARNING, needs=('listeners',),
@@ -442,10 +424,10 @@ def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
 @_check(*_same('incompatible_qos'), needs=('listeners',),
         meaning='A listener receives nothing from a publisher, because their QoS do not match.')
 def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
-    for endpoint in observation.endpoints:
-        if endpoint.mismatch and not endpoint.unlatched:
-            yield _Fault(f'1 publisher of {endpoint.node} on {endpoint.topic} does not match '
-                         f'{endpoint.mismatch}', topics=[endpoint.topic], nodes=[endpoint.node])
+    yield from _found_by('incompatible_qos', observation)
+    for publisher, listener in observation.mismatches:
+        yield _Fault(f'1 publisher of {publisher.node} on {publisher.topic} does not match '
+                     f'{listener}', topics=[publisher.topic], nodes=[publisher.node])
 
 
 @_check(*_same('not_a_number'),
@@ -763,21 +745,16 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
 
 @_check('half_namespace',
         'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.',
-        'Half of a robot is in a namespace', meaning='Transforms on other topics continue the '
-        'tree: some nodes of a robot use /tf and /tf_static, and others those of a namespace, so '
-        'no listener receives the whole tree.')
+        RULES['half_namespace'].section, meaning='Transforms on other topics continue the tree: '
+        'some nodes of a robot use /tf and /tf_static, and others those of a namespace, so no '
+        'listener receives the whole tree.')
 def _half_namespace(observation: Observation) -> Iterator[_Fault]:
-    for half in observation.halves:
-        tracks = [track for track in observation.tracks if half.joint in (
-            track.parents if half.is_root_here else [track.child])]
-        topics = sorted({observation.topics[track.is_static] for track in tracks})
-        nodes = dict.fromkeys(filter(None, map(observation.node_of, tracks)))
-        yield _Fault(
-            half_text(half, topics, [*nodes]), tracks, [half.joint], half.topics, half.nodes,
-            remap_both(max(half.base, observation.topics[0],
-                           key=lambda each: (each.count('/'), each))) + '.',
-            explains={'several_trees': None, 'disconnected': None, 'other_namespace': None,
-                      'unknown_frame': half.frames})
+    there = {name for each in observation.other_transforms
+             for names in each.parents.items() for name in names}
+    for fault in _found_by('half_namespace', observation):
+        tracks = [track for track in observation.tracks
+                  if not {*(fault.frames or ())}.isdisjoint((track.child, *track.parents))]
+        yield fault._replace(tracks=tracks, explains={**fault.explains, 'unknown_frame': there})
 
 
 @_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.',
@@ -1162,15 +1139,6 @@ def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
         is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
 
 
-@_check('other_namespace', 'Use the option that is named above, or publish on /tf and /tf_static.',
-        'A leading slash, or a namespace', severity=WARNING,
-        meaning='Nothing publishes on /tf, but there are transforms on the topic tf of a '
-        'namespace.')
-def _other_namespace(observation: Observation) -> Iterator[_Fault]:
-    if observation.other_namespaces:
-        yield _Fault(observation.other_namespaces, topics=observation.topics[:1])
-
-
 @_check('missing_part', 'Read all parts of the recording: give its directory, or all its files.',
         'No static transforms from a bag', severity=WARNING,
         meaning='Only later parts of a split recording were read, and they have no static '
@@ -1215,12 +1183,6 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(f'{sender.node} publishes /clock at {SECOND / period:.1f} Hz: stamps are '
                          f'up to {in_words(period)} ahead of it', (), (), ['/clock'],
                          [sender.node])
-
-
-@_check(*_same('silent_publisher'), severity=INFO, needs=('listeners',),
-        meaning='Nothing has arrived from a publisher on /tf or /tf_static.')
-def _silent_publisher(observation: Observation) -> Iterator[_Fault]:
-    yield from _find_same('silent_publisher', observation)
 
 
 @_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',

@@ -10,13 +10,13 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from puretf import comma_list, namespace_path, SECOND
+from puretf import namespace_path, SECOND, TF_MESSAGE
 from puretf._causes.clocks import is_off
-from puretf._causes.facts import Facts, Heard, NONE, Surroundings
+from puretf._causes.facts import Facts, Frames, Heard, NONE, Publisher, Surroundings
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.tf_statistics import Statistics, Track
-from puretf_tools.inspection.feeds import Half, halves, OtherTopic, Sender
+from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.robots import prefix, Robot
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import recreated
@@ -28,18 +28,6 @@ _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 _FEWEST = 3
 #: The largest number of names in a text.
 SHOWN = 5
-
-
-class Endpoint(NamedTuple):
-    """A publisher on /tf or /tf_static."""
-
-    topic: str
-    node: str  #: the full name of its node
-    publisher: str = ''  #: as `Track.publisher`; '': not known
-    wrong_type: str = ''  #: its type, if it is not TFMessage
-    #: The durability, if the topic is /tf_static and later listeners miss the messages.
-    unlatched: str = ''
-    mismatch: str = ''  #: the listener whose QoS it does not match, and why; '': it matches all
 
 
 class Refused(NamedTuple):
@@ -60,7 +48,8 @@ class Observation:
     #: By publisher: the full name of its node.
     nodes: Mapping[str, str] = field(default_factory=dict)
     present: Optional[Collection[str]] = None  #: the publishers that exist at the end; None: all
-    endpoints: Sequence[Endpoint] = ()  #: those on the topics; of a bag, those of a wrong type
+    #: Publishers whose QoS does not match that of another listener: which, and why.
+    mismatches: Sequence[tuple[Publisher, str]] = ()
     volatile_listeners: Sequence[str] = ()  #: nodes that subscribe to /tf_static, volatile
     headers: Mapping[str, Headers] = field(default_factory=dict)  #: by topic
     #: By topic with headers: the full names of the nodes that publish it, if known.
@@ -76,17 +65,15 @@ class Observation:
     #: By node: whether it uses /clock, if it has answered. Tools are left out.
     use_sim_time: Mapping[str, bool] = field(default_factory=dict)
     tf_listeners: Collection[str] = ()  #: the nodes that subscribe to the dynamic transforms
-    other_transforms: Sequence[OtherTopic] = ()  #: what was received on the other topics
+    other_transforms: Sequence[Heard] = ()  #: what was received on the other topics
     tf_topics: Collection[str] = ()  #: the other topics with transforms
     #: What is not known, and why; see `Rule.needs`.
     not_known: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)  #: what was not counted, and why
     missing_part: str = ''  #: which part of a recording is missing, with the static transforms
-    why_no_transforms: str = ''  #: where to look if there are no transforms
-    other_namespaces: str = ''  #: which topics have transforms if /tf has none
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
     has_record_times: bool = False
-    #: What the ROS graph shows; of a bag, nothing is known.
+    #: What the ROS graph shows; of a bag, its topics.
     around: Surroundings = field(default_factory=Surroundings)
     end: int = 0  #: the end of the observation (ns), on the clock of the stamps; 0: not known
     stamp_clock: Optional[StampClock] = None  #: of a live system: the clock of the stamps
@@ -182,18 +169,19 @@ class Observation:
                 for robot in self.robots if self.is_own(robot.topic)]
 
     @cached_property
-    def halves(self) -> list[Half]:
-        """The other topics with a part of the same tree."""
-        return halves(self.parents, self.topics[0], self.other_transforms)
-
-    @cached_property
     def facts(self) -> Facts:
         """What the rules of errors are asked with."""
-        sent = {(track.publisher, track.is_static) for track in self.tracks}
+        sent: dict[tuple[str, bool], dict[str, str]] = {
+            key: {} for key in self.statistics.empty_names}
+        for track in self.tracks:
+            sent.setdefault((track.publisher, track.is_static), {})[
+                track.child] = self.parents[track.child]
         heard = [Heard(self.topics[is_static], '' if 'nodes' in self.not_known else publisher,
-                       [self.nodes.get(publisher, '')], {})
-                 for publisher, is_static in sent | self.statistics.empty_names.keys()]
-        return Facts(NONE, self.around._replace(listen=lambda: heard))
+                       [self.nodes.get(publisher, '')], parents)
+                 for (publisher, is_static), parents in sent.items()]
+        return Facts(NONE, self.around._replace(
+            topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
+            Frames(newest=self.parents))
 
     @cached_property
     def off_clock(self) -> dict[str, tuple[MessageTimes, int]]:
@@ -309,10 +297,9 @@ class Observation:
         A publisher that is destroyed at once has no known node: it is not found in the ROS graph.
         """
         groups: dict[tuple[str, str], dict[str, set[str]]] = {}
-        for endpoint in self.endpoints:
-            if endpoint.publisher:
-                group = groups.setdefault((endpoint.node, endpoint.topic), {})
-                group[endpoint.publisher] = set()
+        for each in self.around.publishers or ():
+            if each.gid and each.type == TF_MESSAGE:
+                groups.setdefault((each.node, each.topic), {})[each.gid] = set()
         for track in self.tracks:
             key = self.node_of(track), self.topics[track.is_static]
             groups.setdefault(key, {}).setdefault(track.publisher, set()).add(track.child)
@@ -413,13 +400,13 @@ def _observation(bag: Bag, statistics: Statistics, robots: Sequence[Robot]) -> O
                  and topic.name.removesuffix('_static').endswith('/tf')]
     others = [topic for topic in tf_topics if topic.endswith('/tf')]
     has_static = any(track.is_static for track in tracks)
+    publishers = [Publisher('', topic.name, topic.msgtype, '') for topic in topics
+                  if topic.name in own_topics and not topic.is_tf]
+    publishers += [Publisher('', static, TF_MESSAGE, '', 'transient local') for topic in latched
+                   for durability in topic.durabilities.elements()
+                   if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN')]
     return Observation(
         statistics, f'in {bag.path}', own_topics, nodes=nodes,
-        endpoints=[*(Endpoint(topic.name, '', wrong_type=topic.msgtype) for topic in topics
-                     if topic.name in own_topics and not topic.is_tf),
-                   *(Endpoint(static, '', unlatched=durability) for topic in latched
-                     for durability in topic.durabilities.elements()
-                     if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
         headers={topic.name: topic.headers for topic in topics if topic.headers.count},
         robots=robots,
         tf_topics=tf_topics, not_known=not_known, has_record_times=True,
@@ -427,6 +414,6 @@ def _observation(bag: Bag, statistics: Statistics, robots: Sequence[Robot]) -> O
             f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'
             for topic in topics if topic.has_header is None],
         missing_part='' if has_static else bag.missing_part,
-        other_namespaces='' if not others or not all(track.is_static for track in tracks) else (
-            f'there is no dynamic transform on {dynamic}, but there are transforms on '
-            f'{comma_list(others, SHOWN)}: use --namespace'))
+        around=Surroundings(
+            topics=(static, dynamic), publishers=publishers, other_topics=others,
+            has_data=bool(tracks), is_fed=not all(track.is_static for track in tracks)))

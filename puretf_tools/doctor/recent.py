@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puretf._causes.facts import Heard
 from puretf.transform_table import Message, TransformTable
 from puretf_tools.doctor.checks import Finding, SEVERITIES
 from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.report import examine
 from puretf_tools.doctor.tf_statistics import Statistics
-from puretf_tools.inspection.feeds import OtherTopic
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import SETTLING
 
@@ -54,7 +54,7 @@ class RecentFindings:
         self.verdict = ''
 
     def update(self, messages: Iterable[Message], is_complete: bool,
-               other_transforms: Sequence[OtherTopic], now: float) -> None:
+               other_transforms: Sequence[Heard], now: float) -> None:
         """
         Count messages, and from time to time examine the statistics.
 
@@ -83,7 +83,7 @@ class RecentFindings:
                     is_complete and self._listener.is_present(table.publisher) is not False):
                 self._statistics.add(table)
 
-    def _examine(self, other_transforms: Sequence[OtherTopic], now: float) -> None:
+    def _examine(self, other_transforms: Sequence[Heard], now: float) -> None:
         listener, statistics = self._listener, self._statistics
         static, dynamic = listener.topics
         end = listener.now()

@@ -12,7 +12,6 @@ from puretf.transform_table import Message
 from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
-from puretf_tools.inspection.feeds import OtherTopic
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.traffic import rate_of, Traffic
@@ -260,8 +259,8 @@ class LiveFeed(Feed):
         self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING
         if self._recent.is_due(now):
             self._others.poll()
-            self._recent.update(self._waiting[-_MOST_WAITING:], not self._has_lost, [
-                OtherTopic(*each) for each in self._others.topics()], now)
+            self._recent.update(
+                self._waiting[-_MOST_WAITING:], not self._has_lost, self._others.heard(), now)
             self._waiting, self._has_lost = [], False
             self.findings, self.verdict = self._recent.findings, self._recent.verdict
             self.hint = self._frame_listener.topics_hint()

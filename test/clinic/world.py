@@ -7,13 +7,12 @@ from unittest.mock import patch
 from recorded import header_of
 
 from puretf import TransformBuffer, TransformException
-from puretf._causes.explanation import why_not_received
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Pose, Row
 from puretf._wire import cdr
 from puretf.bag import Headers
-from puretf_tools.doctor.observation import Endpoint, Observation
+from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection import feeds
 from puretf_tools.inspection.robots import Robot
@@ -166,13 +165,13 @@ class World(NamedTuple):
         for i in range(-400, 1) if self.clock else ():
             clock.add(NOW + i * S // 20, self.time(NOW + i * S // 20))
         statistics = Statistics(clock=clock)
-        others: list[feeds.OtherTopic] = []
+        others: list[Heard] = []
         messages: list[Message] = []
         for number, sender in enumerate(self.senders):
             edges = [edge.split(' ') for edge in sender.edges]
             if edges and sender.topic not in self.topics:
-                others.append(feeds.OtherTopic(
-                    sender.topic, {child: parent for parent, child in edges}, [sender.node]))
+                others.append(Heard(
+                    sender.topic, str(number), [sender.node], dict(each[::-1] for each in edges)))
             elif sender.type == TF and not sender.lacks:
                 messages += (Message(time, str(number), sender.is_static, [
                     Row(stamp, parent, child, sender.pose) for parent, child in edges])
@@ -188,15 +187,9 @@ class World(NamedTuple):
         return Observation(
             statistics, 'in 20 s', (dynamic, static), nodes,
             {gid for gid, each in zip(nodes, self.senders) if not each.has_ended},
-            [Endpoint(each.topic, each.node, gid, each.type if each.type != TF else '',
-                      'VOLATILE' if each.lacks == 'transient local' else '',
-                      'a TransformListener' if each.lacks == 'reliable' else '')
-             for gid, each in zip(nodes, self.senders)
-             if each.topic in self.topics and not each.has_ended],
             headers={each.topic: each.headers(self.time) for each in self.sensors},
             senders={each.topic: [each.node] for each in self.sensors},
             volatile_listeners=[self.node] * self.is_volatile,
-            other_namespaces=why_not_received(around, 'other_namespace', has_section=False),
             robots=self.robots, clocks=clocks, use_sim_time=self.use_sim_time,
             other_transforms=others, around=around,
             end=self.time(NOW), stamp_clock=clock, ahead={

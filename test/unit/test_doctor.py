@@ -676,8 +676,8 @@ def test_the_text(capsys, tmp_path):
         '    On /tf_static, /tf.',
         f'    {REMEDIES["static_and_dynamic"]} More: tf_doctor --explain jump',
         '',
-        'not checked: no_clock, no_robot_state_publisher, volatile_listener, incompatible_qos, '
-        'silent_publisher: a bag does not record the listeners',
+        'not checked: no_clock, no_robot_state_publisher, silent_publisher, volatile_listener, '
+        'incompatible_qos: a bag does not record the listeners',
         'not checked: static_not_latched: the bag does not record the QoS of the publishers',
         'not checked: two_publishers, many_publishers: the bag does not record which node has '
         'sent a message',
@@ -906,10 +906,10 @@ def profile(durability):
 
 @pytest.mark.parametrize('kind', ['mcap', 'db3'])
 @pytest.mark.parametrize(('durabilities', 'unlatched'), [
-    ('TRANSIENT_LOCAL', []), ('TRANSIENT_LOCAL TRANSIENT_LOCAL', []), ('VOLATILE', ['VOLATILE']),
-    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', ['VOLATILE', 'SYSTEM_DEFAULT']), ('UNKNOWN', None),
-    ('UNKNOWN TRANSIENT_LOCAL', []),
-    ('', None)])
+    ('TRANSIENT_LOCAL', ''), ('TRANSIENT_LOCAL TRANSIENT_LOCAL', ''),
+    ('VOLATILE', '1 publisher on /tf_static is not'),
+    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', '2 publishers on /tf_static are not'),
+    ('UNKNOWN', None), ('UNKNOWN TRANSIENT_LOCAL', ''), ('', None)])
 def test_the_recorded_qos(capsys, tmp_path, kind, durabilities, unlatched):
     """Each publisher on /tf_static must be transient local; an empty list says nothing."""
     path = bags.make(tmp_path, kind, in_order(robot()), [
@@ -918,7 +918,8 @@ def test_the_recorded_qos(capsys, tmp_path, kind, durabilities, unlatched):
         code, found = doctor(capsys, path, *options)
         assert code == int(bool(unlatched))
         assert [each['evidence'] for each in found['findings']] == [
-            f'1 publisher on /tf_static has the durability {name}' for name in unlatched or []]
+            f'{unlatched} transient local: listeners that require it receive nothing'
+        ] * bool(unlatched)
         assert all(each['code'] == 'static_not_latched' for each in found['findings'])
         assert any('static_not_latched' in text for text in found['not_checked']) is (
             unlatched is None)
@@ -929,7 +930,8 @@ def test_the_recorded_qos_of_a_split_bag(tmp_path):
     files = [bags.file_of(bags.make(tmp_path / str(number), 'mcap', content, [profile(
         QosDurability.VOLATILE)] * 2)).rename(tmp_path / f'x_{number}.mcap')
         for number, content in enumerate((in_order(robot()), [static('map odom', time=T + S)]))]
-    assert [each.code for each in examine(iter(files)).findings] == ['static_not_latched'] * 2
+    (finding,) = examine(iter(files)).findings
+    assert finding.evidence.startswith('2 publishers on /tf_static are not transient local')
 
 
 def test_the_qos_that_rosbag2_writes(tmp_path):

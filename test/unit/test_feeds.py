@@ -3,8 +3,10 @@
 import pytest
 from recorded import MS, observed, T, tf
 
+from puretf._causes.facts import Facts, Frames, Heard, NONE, Surroundings
+from puretf._causes.lookups import RULES
 from puretf_tools.doctor import examine
-from puretf_tools.inspection.feeds import halves, OtherTopic, Sender
+from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.robots import Robot
 
 #: 50 Hz for 2 s.
@@ -29,35 +31,40 @@ def sender(node, *names, first=0, last=1000, ahead=0):
 
 def other(topic, *edges):
     """Return another topic, with edges 'parent child'."""
-    return OtherTopic(
-        topic, {child: parent for parent, child in map(str.split, edges)}, [f'/of{topic}'])
+    return Heard(topic, topic, [f'/of{topic}'],
+                 {child: parent for parent, child in map(str.split, edges)})
+
+
+def halves(here, base, others):
+    """Return the parent, the child and the topic of what continues a tree."""
+    facts = Facts(NONE, Surroundings(topics=[f'{base}_static', base], listen=lambda: others),
+                  Frames(newest={child: parent for parent, child in map(str.split, here)}))
+    return [(*each.frames, *each.topics) for each in RULES['half_namespace'].find(facts)]
 
 
 WHOLE = 'map odom', 'odom base'
 
 
 @pytest.mark.parametrize(('here', 'base', 'others', 'expected'), [
-    (['map odom'], '/tf', [other('/robot1/tf', 'odom base')], [('odom', False, '/robot1/tf')]),
-    (['odom base'], '/robot1/tf', [other('/tf', 'map odom')], [('odom', True, '/tf')]),
+    (['map odom'], '/tf', [other('/robot1/tf', 'odom base')], [('odom', 'base', '/robot1/tf')]),
+    (['odom base'], '/robot1/tf', [other('/tf', 'map odom')], [('map', 'odom', '/tf')]),
     (['map odom', 'odom base'], '/tf', [other('/robot1/tf_static', 'base laser')],
-     [('base', False, '/robot1/tf')]),
+     [('base', 'laser', '/robot1/tf_static')]),
     (['base laser', 'map odom'], '/tf', [other('/robot1/tf', 'odom base')],
-     [('base', True, '/robot1/tf')]),
+     [('odom', 'base', '/robot1/tf')]),
     (['map odom'], '/fleet/tf', [other('/fleet/robot1/tf', 'odom base')],
-     [('odom', False, '/fleet/robot1/tf')]),
+     [('odom', 'base', '/fleet/robot1/tf')]),
     (['map odom'], '/robot1/tf', [other('/Robot_1/tf', 'odom base')],
-     [('odom', False, '/Robot_1/tf')]),
+     [('odom', 'base', '/Robot_1/tf')]),
     (['odom base'], '/tf', [other('/model/car/pose', 'map odom')],
-     [('odom', True, '/model/car/pose')]),
+     [('map', 'odom', '/model/car/pose')]),
     # The nearest one is first, not the first of the alphabet.
     (['map odom', 'map dock'], '/fleet/tf',
      [other('/fleet/a/b/tf', 'dock x'), other('/fleet/r/tf', 'odom y')],
-     [('odom', False, '/fleet/r/tf'), ('dock', False, '/fleet/a/b/tf')])])
+     [('odom', 'y', '/fleet/r/tf'), ('dock', 'x', '/fleet/a/b/tf')])])
 def test_halves_of_a_tree(here, base, others, expected):
-    """The frame that connects them is found, from both sides."""
-    parents = {child: parent for parent, child in map(str.split, here)}
-    assert [(half.joint, half.is_root_here, half.base)
-            for half in halves(parents, base, others)] == expected
+    """An edge at the frame that connects them is found, from both sides."""
+    assert halves(here, base, others) == expected
 
 
 @pytest.mark.parametrize(('here', 'base', 'others'), [
@@ -72,8 +79,7 @@ def test_halves_of_a_tree(here, base, others, expected):
     ([], '/tf', [other('/robot1/tf', *WHOLE)])])
 def test_whole_trees(here, base, others):
     """Other robots are no halves, whatever their frames are called."""
-    parents = {child: parent for parent, child in map(str.split, here)}
-    assert halves(parents, base, others) == []
+    assert halves(here, base, others) == []
 
 
 def test_what_half_a_namespace_explains():
@@ -90,9 +96,9 @@ def test_what_half_a_namespace_explains():
 def test_robots_that_share_a_map():
     """Each has it as its root, whether one looks from outside or from one of them."""
     robots = [other(f'/r{i}/tf', f'map r{i}/odom') for i in (1, 2, 3)]
-    assert halves({'map': 'earth'}, '/tf', robots) == []
-    assert halves({'r1/odom': 'map'}, '/r1/tf', [other('/tf', 'earth map'), *robots[1:]]) == []
-    assert len(halves({'map': 'earth'}, '/tf', robots[:1])) == 1
+    assert halves(['earth map'], '/tf', robots) == []
+    assert halves(['map r1/odom'], '/r1/tf', [other('/tf', 'earth map'), *robots[1:]]) == []
+    assert len(halves(['earth map'], '/tf', robots[:1])) == 1
 
 
 # Joint states

@@ -5,9 +5,9 @@ from typing import cast, TYPE_CHECKING
 from messages import recorded, written
 import pytest
 
+from puretf._causes.facts import Heard
 from puretf._core.pose import Row
 from puretf_tools.doctor.recent import RecentFindings
-from puretf_tools.inspection.feeds import OtherTopic
 from puretf_tools.inspection.stamp_clock import StampClock
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def test_a_gap_is_found_and_goes(listened):
 
 def test_half_of_a_robot_in_a_namespace(listened):
     """The frames on the other topic continue the tree."""
-    listened.others = [OtherTopic('/robot/tf', {'wheel': 'base'}, ['/driver'])]
+    listened.others = [Heard('/robot/tf', '1', ['/driver'], {'wheel': 'base'})]
     assert 'half_namespace' in {code for code, _ in listened.after(3.1)}
 
 

@@ -8,12 +8,12 @@ import pytest
 from recorded import observed, S, T, tf
 
 from puretf import SECTION_NAMES, TransformBuffer, TransformException
-from puretf._causes.facts import Blocked, Publisher, Surroundings
+from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
 from puretf_tools.commands.tf_doctor import main
 from puretf_tools.doctor import examine
 from puretf_tools.doctor.checks import CHECKS
-from puretf_tools.inspection.feeds import OtherTopic, Sender
+from puretf_tools.inspection.feeds import Sender
 
 PAGE = (ROOT / 'docs' / 'troubleshooting.md').read_text()
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
@@ -97,7 +97,7 @@ PROVOKED = {
         lambda _: error_of('lidar', topics=('/tf_static', '/tf'), other_topics=['/robot1/tf']),
         '/robot1/tf'),
     'Half of a robot is in a namespace': (
-        lambda _: report(other_transforms=[OtherTopic('/robot1/tf', {'wheel': 'base'}, ['/rsp'])]),
+        lambda _: report(other_transforms=[Heard('/robot1/tf', '1', ['/rsp'], {'wheel': 'base'})]),
         'error half_namespace'),
     'Two nodes on /joint_states or /clock': (
         lambda _: report(clocks=[clock('/gazebo'), clock('/bag')]), 'error two_clocks'),
