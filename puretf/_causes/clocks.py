@@ -10,6 +10,9 @@ _OFFSETS = {'TAI - UTC': (37.0, 0.1),
             'GPS - UTC': (18.0, 0.1),
             'the GPS epoch': (315_964_800.0, 60.0)}
 _HOUR, _MOST_HOURS = 3600, 14
+#: By unit of time: its length (ns).
+_UNITS = {'seconds': SECOND, 'milliseconds': 1_000_000, 'microseconds': 1000}
+_DAY = 86_400 * SECOND
 #: What is stamped arrives up to this time (s) later.
 _LATENCY = 0.6
 
@@ -27,8 +30,11 @@ def is_off(offset: int, stamp: int, now: int) -> bool:
 
 def apart(offset: int, stamp: int) -> str:
     """Return how far a stamp is from a clock, and what such an offset is."""
-    name = known_offset(offset) or (
-        'counted since power-on' if offset < 0 < stamp < SINCE_START else '')
+    is_near_0 = offset < 0 < stamp < SINCE_START
+    unit = next((unit for unit, ns in _UNITS.items() if is_near_0 and abs(
+        stamp * ns - (stamp - offset)) < _DAY), '')
+    name = known_offset(offset) or (f'{unit} as nanoseconds' if unit else
+                                    'near 0, as since power-on' if is_near_0 else '')
     return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
             f'{"ahead of" if offset > 0 else "behind"}')
 

@@ -18,8 +18,8 @@ MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE, NONE = (
     'missing', 'unconnected', 'past', 'future', 'one_time', 'cleared', 'silence', 'none')
 #: Times that are farther apart (ns) are from two clocks.
 OTHER_CLOCK = 60 * SECOND
-#: Data still arrive if this time (ns), or three periods of the edge, is not over. Up to this time
-#: after the newest stamp, a transform is on its way.
+#: Data still arrive if this time (ns), or one and a half periods of the edge, is not over. Up to
+#: this time after the newest stamp, a transform is on its way.
 RECENT = SECOND
 
 
@@ -151,7 +151,8 @@ class Edge(NamedTuple):
     @property
     def still_arrives(self) -> bool:
         """Whether transforms arrive, as often as before; stamps may be from another clock."""
-        return self.silence <= max(RECENT, 3 * self.period)
+        is_regular = self.samples > 2 or self.has_dropped
+        return self.silence <= max(RECENT, 3 * self.period // 2 * is_regular)
 
     @property
     def is_frozen(self) -> bool:

@@ -120,6 +120,25 @@ def _missing_part(facts: Facts) -> Iterator[Evidence]:
         yield Evidence(text, {'remedy': remedy})
 
 
+@_rule('changing_parent', 'Let only one parent be published for {frame}.',
+       'A frame jumps or flickers', symptoms=(UNCONNECTED, *_TIMES),
+       explains=('similar_name', 'part_prefix', 'gap', 'one_shot'))
+def _changing_parent(facts: Facts) -> Iterator[Evidence]:
+    for frame in facts.buffer.changed:
+        parents = facts.buffer.parents(frame)
+        roots = {facts.buffer.chain(each.name)[-1] for each in parents}
+        if len(parents) < 2 or not (frame == facts.edge.child if facts.edge else
+                                    roots.issuperset(facts.roots)):
+            continue
+        # A single node may send a static transform anew, in another frame.
+        if not all(each.is_static for each in parents) or len(_senders(facts, frame, '')) > 1:
+            yield Evidence(f'{quoted(frame)} has {len(parents)} parents: ' + ', '.join(
+                f'{quoted(each.name)}{" (static)" * each.is_static}'
+                f'{_by(facts, each.name, frame, each.authority)}' for each in parents[-4:]),
+                {'frame': quoted(frame)})
+            return
+
+
 @_rule('similar_name', '{remedy}', 'Two unconnected trees',
        symptoms=(UNCONNECTED,))
 def _similar_name(facts: Facts) -> Iterator[Evidence]:
@@ -177,25 +196,6 @@ def part_prefix(tree: Sequence[str], other: Sequence[str], parents: Mapping[str,
 def part_prefix_text(names: Sequence[str]) -> str:
     return (f'{" and ".join(map(quoted, names))} may be one frame: only a part of the frames has '
             'the prefix or suffix')
-
-
-@_rule('changing_parent', 'Let only one parent be published for {frame}.',
-       'A frame jumps or flickers', symptoms=(UNCONNECTED, *_TIMES),
-       explains=('similar_name', 'part_prefix', 'gap', 'one_shot'))
-def _changing_parent(facts: Facts) -> Iterator[Evidence]:
-    for frame in facts.buffer.changed:
-        parents = facts.buffer.parents(frame)
-        roots = {facts.buffer.chain(each.name)[-1] for each in parents}
-        if len(parents) < 2 or not (frame == facts.edge.child if facts.edge else
-                                    roots.issuperset(facts.roots)):
-            continue
-        # A single node may send a static transform anew, in another frame.
-        if not all(each.is_static for each in parents) or len(_senders(facts, frame, '')) > 1:
-            yield Evidence(f'{quoted(frame)} has {len(parents)} parents: ' + ', '.join(
-                f'{quoted(each.name)}{" (static)" * each.is_static}'
-                f'{_by(facts, each.name, frame, each.authority)}' for each in parents[-4:]),
-                {'frame': quoted(frame)})
-            return
 
 
 def _by(facts: Facts, parent: str, child: str, authority: str) -> str:
@@ -281,8 +281,9 @@ def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
        explains=('frozen_stamp', 'one_shot', 'gap'))
 def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
-    if edge and edge.refused and (edge.is_refusing if facts.symptom == FUTURE else
-                                  facts.time <= edge.refused_stamp + RECENT):
+    if edge and edge.refused and (
+            edge.is_refusing and facts.time <= edge.latest + OTHER_CLOCK
+            if facts.symptom == FUTURE else facts.time <= edge.refused_stamp + RECENT):
         both = {edge.refused_authority, edge.authority}
         is_shared = len(both) == 2 and both.isdisjoint(facts.around.ended) and all(
             map(facts.around.node_of, both))
@@ -334,7 +335,7 @@ def _of_qos(code: str, lack: str, remedy: str) -> None:
     def find(facts: Facts) -> Iterator[Evidence]:
         topics: dict[str, list[str]] = {}
         for each in () if facts.has_near_name else facts.around.publishers or ():
-            if each.type == TF_MESSAGE and each.lacks == lack:
+            if each.type == TF_MESSAGE and each.lacks == lack and _may_send(facts, each.node):
                 topics.setdefault(each.topic, []).append(each.node)
         for topic, found in topics.items():
             nodes = sorted({*found} - {''})
@@ -343,6 +344,14 @@ def _of_qos(code: str, lack: str, remedy: str) -> None:
                 f'{f" ({_listed(nodes)})" if nodes else ""} {"are" if len(found) > 1 else "is"} '
                 f'not {lack}: listeners that require it receive nothing', nodes=nodes,
                 topics=[topic])
+
+
+def _may_send(facts: Facts, node: str) -> bool:
+    """Return whether a node may send what a lookup lacks: no other frames are heard from it."""
+    wanted = {*(facts.names if facts.symptom == MISSING else facts.roots)}
+    heard = {name for each in facts.heard if node in each.nodes
+             for names in each.parents.items() for name in names} if wanted else ()
+    return not heard or not wanted.isdisjoint(heard)
 
 
 _of_qos('static_not_latched', 'transient local', 'Send with a StaticTransformBroadcaster.')
@@ -372,7 +381,7 @@ def _listening_to(topic: str) -> str:
             f'commands, {option}')
 
 
-@_rule('half_namespace', '{remedy}.', 'Half of a robot is in a namespace', symptoms=_NOT_THERE,
+@_rule('half_namespace', '{remedy}', 'Half of a robot is in a namespace', symptoms=_NOT_THERE,
        needs=('listener',), is_costly=True,
        explains=('silent_publisher', 'several_trees', 'disconnected', 'other_namespace'))
 def _half_namespace(facts: Facts) -> Iterator[Evidence]:
@@ -403,10 +412,10 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
             yield Evidence(
                 f'{quoted(parent)} -> {quoted(child)} is published on {shortened(heard.topic)}'
                 f'{nodes}, not on {" and ".join(topics[::-1])}', {
-                    'remedy': 'Use a TransformListener' if own == base else
+                    'remedy': 'Use a TransformListener.' if own == base else
                     remap_both(max(own, base, key=lambda topic: (topic.count('/'), topic)))
-                    if joints else f'To listen to {shortened(base)}, pass '
-                    f'{_listening_to(shortened(base))}'},
+                    if joints else '' if is_another else f'To listen to {shortened(base)}, pass '
+                    f'{_listening_to(shortened(base))}.'},
                 heard.nodes, [heard.topic], [parent, child])
             if facts.symptom != NONE:
                 return
@@ -419,7 +428,7 @@ def _namespaces_between(topic: str, other: str) -> int:
 def remap_both(topic: str) -> str:
     base = shortened(topic)
     return (f'Remap both /tf and /tf_static in all nodes of the robot (--ros-args -r /tf:={base} '
-            f'-r /tf_static:={base}_static), or in none of them')
+            f'-r /tf_static:={base}_static), or in none of them.')
 
 
 @_rule('no_clock', 'Start what publishes /clock, or set use_sim_time to false.',
@@ -433,7 +442,8 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
         each.node for each in around.publishers or ()}
     waiting = sorted(node for node in nodes
                      if around.waits_for.get(node) == '/clock' and node != around.node)
-    if around.is_simulated and (around.now == 0 or (
+    is_possible = facts.symptom not in _NOT_THERE or not around.has_data
+    if around.is_simulated and is_possible and (around.now == 0 or (
             facts.symptom == FUTURE and not arrives(facts))):
         yield Evidence('use_sim_time is set in this node, but nothing publishes /clock'
                        f'{" any more" if around.now else ""}')
@@ -509,10 +519,9 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
               and not each.lacks}
     players = [node for node, topic in silent.items()
                if _PLAYER in node and topic.endswith('_static')]
-    if facts.symptom == NONE:  # a robot_state_publisher may have fixed joints only
-        silent = {node: topic for node, topic in silent.items()
-                  if node not in around.waits_for
-                  and not facts.has_sent(node)}
+    # A robot_state_publisher may have fixed joints only.
+    silent = {node: topic for node, topic in silent.items() if not facts.has_sent(node) and not (
+        facts.symptom == NONE and node in around.waits_for)}
     if players:
         yield Evidence(f'{_listed(players)} has sent nothing on {around.topics[0]}: a start '
                        'offset leaves out the static transforms before it',
@@ -606,9 +615,12 @@ def _is_played(facts: Facts) -> bool:
 
 
 def data_offset(facts: Facts) -> int:
-    """Return the newest stamp at its arrival minus the clock of the node (ns)."""
-    assert facts.edge and facts.around.now
-    return facts.edge.latest + facts.edge.silence - facts.around.now
+    """Return the newest stamp at its arrival minus the clock of the node (ns); 0: not known."""
+    edge, around = facts.edge, facts.around
+    if not edge or not around.now or around.is_simulated:  # its rate is not that of `silence`
+        return 0
+    stamp = edge.refused_stamp if edge.is_refusing else edge.latest
+    return stamp + edge.silence - around.now
 
 
 #: Stamps may be so far (ns) behind the clock, since they are computed late, or ahead on purpose.
@@ -616,8 +628,9 @@ _LATE, _ON_PURPOSE = 3 * SECOND, 5 * SECOND
 
 
 def _is_data_off(facts: Facts) -> bool:
-    assert facts.edge
-    return facts.edge.stalled <= RECENT and not -_LATE <= data_offset(facts) <= _ON_PURPOSE
+    edge = facts.edge
+    return bool(edge and (edge.stalled <= RECENT or edge.is_refusing)) and not (
+        -_LATE <= data_offset(facts) <= _ON_PURPOSE)
 
 
 def _which_is_off(facts: Facts) -> str:
@@ -627,7 +640,9 @@ def _which_is_off(facts: Facts) -> str:
         return ''
     clock = f"the {'simulated' if facts.around.is_simulated else 'system'} clock of this node"
     is_time = abs(facts.time - now) <= OTHER_CLOCK
-    is_data = edge.oldest - OTHER_CLOCK <= now <= edge.latest + edge.silence + OTHER_CLOCK
+    is_data = edge.oldest - OTHER_CLOCK <= now <= edge.latest + edge.silence + OTHER_CLOCK or (
+        bool(edge.refused) and abs(edge.refused_stamp - now) <= OTHER_CLOCK
+        < abs(edge.latest - facts.around.system_now))
     # An old time is on no other clock, unless it fits one.
     is_other = (facts.time < SINCE_START if not facts.around.is_simulated else
                 abs(facts.time - facts.around.system_now) <= OTHER_CLOCK)
@@ -655,14 +670,16 @@ def _too_soon(facts: Facts) -> Iterator[Evidence]:
     ahead = facts.time - edge.latest
     if ahead > OTHER_CLOCK or edge.stalled > RECENT:
         return
-    if edge.period:  # the next one with a later stamp
+    if facts.around.is_simulated:
+        ahead = 0  # how long this takes is not known
+    elif edge.period:  # the next one with a later stamp
         ahead = max(-(-ahead // edge.period) * edge.period - edge.silence, 1)
-    how = (f'Data arrive every {edge.period / SECOND:.1f} s' if edge.period > RECENT else
+    how = (f'Data arrive every {edge.period / SECOND:.1f} s' if edge.period > RECENT and ahead else
            'Data still arrive')
     yield Evidence(f'{how}, so this transform is on its way', {'remedy': (
         f'It has not come within {waited.seconds:g} s: pass a longer timeout=' if waited else
         'Pass timeout= to wait for it' if ahead <= RECENT else
-        f'Pass a timeout= of more than {ahead / SECOND:.1f} s') + (
+        f'Pass a timeout= of more than {ceil(ahead / SECOND * 10) / 10} s') + (
             ', or look up Time() for the latest' if facts.time > edge.latest else '')})
 
 

@@ -107,7 +107,7 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
             if isinstance(history, History) and is_frozen(
                     history.oldest, history.latest, len(history) + history.repeated):
                 gap = END  # the latest time of all edges is its stamp
-            elif isinstance(history, History) and (
+            elif tree.needs_listener and isinstance(history, History) and (
                     history.latest == time and now - history.advance > RECENT):
                 gap = END - 1
             if gap > widest:

@@ -1,7 +1,7 @@
 """Names that are similar to a name: "did you mean", and names that one letter sets apart."""
 
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
+from difflib import get_close_matches, SequenceMatcher
 from functools import lru_cache
 from itertools import islice
 import re
@@ -61,7 +61,18 @@ def near_names(name: str, known: Iterable[str], cutoff: float = 0.6) -> list[str
             candidates.setdefault(_spelling(each).plain or each, []).append(each)
     near = get_close_matches(
         _spelling(name).plain or name, [*candidates], _MAX_SHOWN, cutoff)
-    return [each for plain in near for each in candidates[plain]][:_MAX_SHOWN]
+    return [each for plain in near for each in candidates[plain]
+            if SequenceMatcher(None, *_what_differs(name, each)).ratio() >= cutoff][:_MAX_SHOWN]
+
+
+def _what_differs(name: str, other: str) -> tuple[str, str]:
+    """Return two names without the namespace and the suffix that both have."""
+    ends = [re.fullmatch(r'(.*/)?(.*?)(_link|_frame)?', each.lower(), re.DOTALL)
+            for each in (name, other)]
+    (space, a, end), (other_space, b, other_end) = (each.groups('') for each in ends if each)
+    if space != other_space:
+        a, b = space + a, other_space + b
+    return (a, b) if end == other_end else (a + end, b + other_end)
 
 
 def is_slip(name: str, other: str) -> bool:
@@ -102,7 +113,8 @@ def _spelling(name: str) -> _Spelling:
 
 
 def _words(name: str) -> list[str]:
-    return re.findall(r'[^\W_+]+|\+', name.lower())
+    # The letter at the end of mapA is a word.
+    return re.findall(r'[^\W_+]+|\+', re.sub(r'(?<=[a-z])(?=[A-Z]\b)', ' ', name).lower())
 
 
 def _differ_by_a_letter(a: str, b: str) -> bool:

@@ -357,7 +357,7 @@ def test_near_names_are_searched_among_1000(compared):
     buffer = TransformBuffer()
     for i in range(3000):
         buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
-    assert error_text(buffer, 'fr').endswith(
+    assert error_text(buffer, 'frame').endswith(
         "Nearest known: 'frame_0', 'frame_1', 'frame_2', 'frame_3', 'frame_4'."
         ' More: tf_doctor --explain missing_frame')
     assert error_text(buffer, 'tool').endswith(
