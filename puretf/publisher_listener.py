@@ -6,68 +6,28 @@ each message, and the ROS graph tells to which node the publisher with this gid 
 """
 
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from itertools import groupby
 from operator import attrgetter
-from time import monotonic, time_ns
 from typing import Any, NamedTuple, Optional
-
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
 from puretf._causes.explanation import explain_silence, why_not_received
 from puretf._causes.facts import Surroundings
 from puretf._core.frames import Frame
-from puretf._core.pose import BatchOrRows, Row
-from puretf._ros.graph import gid_of, node_of, UNKNOWN
+from puretf._core.pose import BatchOrRows
+from puretf._ros.graph import gid_of, node_of, nodes_on, UNKNOWN
 from puretf._ros.other_topics import TransformSampler
-from puretf._ros.rclpy_private import is_given, subscribe
+from puretf._ros.rclpy_private import is_given
 from puretf._ros.subscription import SubscriptionSource, taker, TopicSubscription
-from puretf._text.names import comma_list, TF_MESSAGE
-from puretf._wire import cdr
-from puretf._wire.message_reader import Encoding
+from puretf._ros.topic_watch import Publishers, ReceivedMessage, TopicReader, TopicWatch
+from puretf._text.names import TF_MESSAGE
 from puretf.transform_listener import TransformListener
 
 __all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader',
-           'TransformSampler', 'gid_of', 'is_given', 'node_of']
+           'TopicWatch', 'TransformSampler', 'gid_of', 'is_given', 'node_of', 'nodes_on']
 
 #: The largest number of messages that are kept for `received`, and of their bytes.
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
-
-
-class ReceivedMessage(bytes):
-    """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
-
-    #: The gid of the publisher, in hex; '' if the gid is not known. If the middleware does not
-    #: report gids: the bytes that it reports instead, in hex.
-    publisher = ''
-    time = 0  #: the time of arrival, on the system clock (ns)
-    sent = 0  #: when it was sent, on the system clock of its computer (ns); 0: not known
-    is_static = False  #: True if the message is from /tf_static
-    encoding: Encoding = cdr
-
-    @property
-    def data(self) -> bytes:
-        """The bytes of the message."""
-        return self
-
-    @classmethod
-    def of(cls, data: bytes, publisher: str = '', time: int = 0, sent: int = 0
-           ) -> 'ReceivedMessage':
-        """Create a message; a time of 0 is replaced by the current time."""
-        message = cls(data)
-        message.publisher, message.time, message.sent = publisher, time or time_ns(), sent
-        return message
-
-    def rows(self) -> list[Row]:
-        """
-        Return the transforms of the message, unchanged: names may have a leading slash.
-
-        :returns: for each transform: `stamp_ns`, `frame_id`, `child_frame_id` and `pose`. The pose
-            is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
-        :raises ValueError: if the bytes are not those of a TFMessage.
-        """
-        return cdr.unpack(self)
 
 
 class Received(NamedTuple):
@@ -98,74 +58,10 @@ class _Kept:
         return Received([*messages], dropped)
 
 
-class _Publishers:
-    """
-    The publishers on some topics in the ROS graph, also those that are gone.
-
-    :param type_name: the type of their messages; '': any.
-    :param most_names: with more names, the oldest ones of publishers that are gone are dropped.
-    """
-
-    def __init__(self, node: Node, topics: Collection[str], type_name: str = '',
-                 most_names: int = 10_000) -> None:
-        self._node, self._topics, self._type, self._most = node, topics, type_name, most_names
-        #: By gid: the name of the node, and the topic; also of publishers that are gone.
-        self.nodes: dict[str, tuple[str, str]] = {}
-        #: The gids of the publishers that exist.
-        self.present: frozenset[str] = frozenset()
-        #: By gid: the topic, if the gid may never be that of a publisher in the ROS graph.
-        self._unknown: dict[str, str] = {}
-        self._next_query = 0.0
-
-    def add_unknown(self, gid: str, topic: str) -> None:
-        """Keep the topic of a publisher, because its gid may never be in the ROS graph."""
-        self._unknown[gid] = topic
-        if len(self._unknown) > self._most:
-            del self._unknown[next(iter(self._unknown))]
-
-    def query_if_due(self) -> None:
-        """Query every half second, so that the names of nodes that end are known afterwards."""
-        if (now := monotonic()) >= self._next_query:
-            self._next_query = now + 0.5
-            self._query()
-
-    def _query(self) -> None:
-        present = set()
-        for topic in self._topics:
-            for info in self._node.get_publishers_info_by_topic(topic):
-                if self._type not in ('', info.topic_type):  # nothing is received from it
-                    continue
-                gid = gid_of(info)
-                present.add(gid)
-                if (name := node_of(info)) != UNKNOWN:
-                    self.nodes[gid] = name, topic
-        self.present = frozenset(present)
-        gone = [gid for gid in tuple(self.nodes) if gid not in present]
-        for gid in gone[:max(0, len(self.nodes) - self._most)]:
-            self.nodes.pop(gid, None)
-
-    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
-        requested = set(gids)
-        if not requested <= self.nodes.keys():
-            self._query()
-        return {gid: self._name_of(gid) for gid in requested}
-
-    def _name_of(self, gid: str) -> str:
-        if found := self.nodes.get(gid):
-            return found[0]
-        if self.present - self.nodes.keys():  # the node of a publisher is not discovered yet
-            return UNKNOWN
-        topic = self._unknown.get(gid)
-        # Also publishers that are gone: one of them may have sent the message.
-        names = sorted({name for name, each in tuple(self.nodes.values()) if each == topic})
-        return (f'one of {comma_list(names, 5)}' if len(names) > 1 else
-                names[0] if names else UNKNOWN)
-
-
 class _GidSource(SubscriptionSource):
     """A source with the gid of the publisher as authority."""
 
-    def __init__(self, *args: Any, publishers: _Publishers, kept: _Kept) -> None:
+    def __init__(self, *args: Any, publishers: Publishers, kept: _Kept) -> None:
         super().__init__(*args)
         self._publishers, self._kept = publishers, kept
         self._takers = {each: taker(each.handle, ReceivedMessage.of)
@@ -215,7 +111,7 @@ class PublisherListener(TransformListener):
 
     def _create_source(self, *args: Any) -> SubscriptionSource:
         self._kept = _Kept(_MOST_MESSAGES, _MOST_BYTES)
-        self._publishers = _Publishers(
+        self._publishers = Publishers(
             self.node, {each.topic_name for each in self.subscriptions}, TF_MESSAGE)
         return _GidSource(*args, publishers=self._publishers, kept=self._kept)
 
@@ -300,36 +196,3 @@ class PublisherListener(TransformListener):
         return super()._surroundings()._replace(ended={
             gid: node for gid, (node, _) in tuple(self._publishers.nodes.items())
             if gid not in self.present})
-
-
-class TopicReader:
-    """
-    A subscription to a topic of any type, whose messages are taken as bytes with their publishers.
-
-    No executor serves it. It must be closed before its node is destroyed.
-
-    :meta private:
-    """
-
-    def __init__(self, node: Node, message_type: Any, topic: str, qos: QoSProfile) -> None:
-        self.topic, self._depth = topic, qos.depth
-        self._subscription = subscribe(
-            node, message_type, topic, lambda _: None, qos, node.default_callback_group)
-        self._taker = taker(self._subscription.handle, ReceivedMessage.of)
-        #: False if it is not known which publisher has sent a message.
-        self.has_gids = self._taker.has_gids
-        self._publishers = _Publishers(node, [topic])
-
-    def take(self) -> list[ReceivedMessage]:
-        """Take the messages in the queue."""
-        messages = self._taker.take(self._depth)
-        if any(each.publisher not in self._publishers.nodes for each in messages):
-            self._publishers.query_if_due()
-        return messages
-
-    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
-        """Return by gid the full name of the publisher's node, or UNKNOWN."""
-        return self._publishers.names_of(gids)
-
-    def close(self) -> None:
-        self._subscription.destroy()

@@ -36,6 +36,8 @@ _MAX_MESSAGES = 1000
 _LONGEST_PAUSE = 0.1
 #: The rate (messages/s) up to which the thread does not pause.
 _LOW_RATE = 100.0
+#: What a taker passes on, as rclpy names it.
+_TIMES_AND_NUMBER = 'received_timestamp', 'source_timestamp', 'publication_sequence_number'
 
 
 class _PlainTaker(Generic[_Taken]):
@@ -43,14 +45,15 @@ class _PlainTaker(Generic[_Taken]):
 
     has_gids = has_reception_times = False
 
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
+    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int, int], _Taken]) -> None:
         self._handle, self._make = handle, make
 
     def take(self, max_messages: int) -> list[_Taken]:
-        return [self._make(data, '', 0, 0) for data, _ in take_bytes(self._handle, max_messages)]
+        return [self._make(data, '', *(info[key] or 0 for key in _TIMES_AND_NUMBER))
+                for data, info in take_bytes(self._handle, max_messages)]
 
 
-def taker(handle: Any, make: Callable[[bytes, str, int, int], _Taken]
+def taker(handle: Any, make: Callable[[bytes, str, int, int, int], _Taken]
           ) -> Union[Taker[_Taken], _PlainTaker[_Taken]]:
     """Return what takes messages of a subscription: see `Taker`."""
     return (Taker if rcl_take() else _PlainTaker)(handle, make)

@@ -218,7 +218,7 @@ class _Listening:
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms and to what is beside them; add what the ROS graph knows."""
-    from puretf.publisher_listener import node_of, TransformSampler
+    from puretf.publisher_listener import nodes_on, TransformSampler
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.clock_sampler import SimTimeSurvey
     from puretf_tools.inspection.header_sampler import HeaderSampler
@@ -231,9 +231,9 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
         transforms = TransformSampler(node, (static, dynamic))
         clock = listener.clock_sampler
         survey = SimTimeSurvey(node, clock, lambda: {
-            *map(node_of, node.get_publishers_info_by_topic(dynamic)),
-            *robots.subscribers(dynamic), *chain.from_iterable(headers.senders().values())})
-        for sampler in robots, transforms:
+            *nodes_on(node, dynamic), *robots.subscribers(dynamic),
+            *chain.from_iterable(headers.senders().values())})
+        for sampler in headers, robots, transforms:
             stack.callback(sampler.close)
 
         def poll() -> None:

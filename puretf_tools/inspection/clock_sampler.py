@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from puretf import SECOND
-from puretf.publisher_listener import node_of, TopicReader, UNKNOWN
+from puretf.publisher_listener import nodes_on, TopicReader, UNKNOWN
 from puretf_tools.inspection.feeds import Sender, Senders
 from puretf_tools.inspection.stamp_clock import StampClock
 
@@ -49,7 +49,7 @@ class ClockSampler:
 
     def nodes(self) -> list[str]:
         """Return the nodes that publish /clock now."""
-        return sorted({*map(node_of, self._node.get_publishers_info_by_topic(TOPIC))})
+        return nodes_on(self._node, TOPIC)
 
     def stands(self) -> float:
         """Return for how long the time has not changed (s), if it is published; 0.0: it runs."""

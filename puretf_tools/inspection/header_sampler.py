@@ -1,68 +1,70 @@
-"""Subscriptions to other topics, of whose messages the headers are read."""
+"""The headers of messages on topics without transforms."""
 
+from collections.abc import Iterator
 from importlib import import_module
-from time import monotonic, time_ns
+from time import monotonic
 from typing import Any, Optional
 
-from rclpy.callback_groups import CallbackGroup
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from puretf import TF_MESSAGE
 from puretf.bag import Headers
-from puretf.publisher_listener import node_of
+from puretf.publisher_listener import nodes_on, ReceivedMessage, TopicWatch
 
-#: The time between two searches for topics (s).
-_SCAN_INTERVAL = 0.5
 #: How many messages of a topic are read within a second, and at once, and after how many bytes
-#: within a second its subscriptions pause.
+#: within a second the topic is left for the rest of it.
 _RATE, _AT_ONCE, _MOST_BYTES = 50.0, 5, 10_000_000
-_LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-_OTHER = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
+#: The largest number of topics.
+_MOST_TOPICS = 10_000
 
 
 class HeaderSampler:
-    """Subscriptions to all topics whose messages begin with a header."""
+    """Reads all topics whose messages begin with a header."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._next_scan = 0.0
+        self._watch = TopicWatch(node, self._wanted, _MOST_TOPICS, _AT_ONCE)
         self._topics: dict[str, Optional[_Topic]] = {}  #: None: its headers are not read
         self.not_read: dict[str, str] = {}  #: by topic: why its headers are not read
 
     def headers(self) -> dict[str, Headers]:
         """Return the headers that were read, by topic."""
-        return {name: topic.sample() for name, topic in self._topics.items() if topic}
+        return {name: topic.sample(self._node.count_publishers(name))
+                for name, topic in self._topics.items() if topic}
 
     def senders(self) -> dict[str, list[str]]:
         """Return the nodes that publish these topics, by topic."""
-        return {name: sorted(map(node_of, self._node.get_publishers_info_by_topic(name)))
-                for name, topic in self._topics.items() if topic}
+        return {name: nodes_on(self._node, name) for name, topic in self._topics.items() if topic}
 
     def poll(self) -> None:
-        """Let more messages be read, and twice a second search for topics."""
-        for topic in self._topics.values():
+        """Read messages, and twice a second search for topics."""
+        self._watch.poll()
+        for name, topic in self._topics.items():
             if topic:
-                topic.poll()
-        if self._node.executor is not None:
-            self._node.executor.wake()  # it waits for those topics only that may be read
-        if monotonic() >= self._next_scan:
-            self._next_scan = monotonic() + _SCAN_INTERVAL
-            self._scan()
+                for message, is_new in self._watch.take(name, topic.allowed()):
+                    topic.add(message, is_new)
+                if topic.is_paused():
+                    self._watch.leave(name)
 
-    def _scan(self) -> None:
+    def close(self) -> None:
+        self._watch.close()
+
+    def _wanted(self) -> Iterator[tuple[str, Any]]:
         for name, types in self._node.get_topic_names_and_types():
             # A node cannot subscribe to a topic with two types, such as one with transforms.
-            if TF_MESSAGE in types or (name in self._topics and len(types) == 1):
+            if TF_MESSAGE in types:
                 continue
-            published = sorted({
-                info.topic_type for info in self._node.get_publishers_info_by_topic(name)})
-            if published and name not in self._topics:
-                self._topics[name] = self._topic(name, published[0])
-            if len(published) > 1:
-                self.not_read[name] = (
-                    f'only one type is read; its publishers have the types {", ".join(published)}')
+            if name not in self._topics or len(types) > 1:
+                published = sorted({
+                    info.topic_type for info in self._node.get_publishers_info_by_topic(name)})
+                if published and name not in self._topics:
+                    self._topics[name] = self._topic(name, published[0])
+                if len(published) > 1:
+                    self.not_read[name] = ('only one type is read; its publishers have the types '
+                                           f'{", ".join(published)}')
+            topic = self._topics.get(name)
+            if topic and name not in self._watch.readers and not topic.is_paused():
+                yield name, topic.message_type
 
     def _topic(self, name: str, type_name: str) -> 'Optional[_Topic]':
         package, is_message, type_of_package = type_name.partition('/msg/')
@@ -72,7 +74,7 @@ class HeaderSampler:
             message_type: Any = getattr(import_module(f'{package}.msg'), type_of_package)
             fields = message_type.get_fields_and_field_types()
             if next(iter(fields.values()), '') == 'std_msgs/Header':
-                return _Topic(self._node, name, message_type)
+                return _Topic(message_type)
         except (ImportError, AttributeError):
             self.not_read[name] = f'its type {type_name} cannot be imported'
         except Exception as error:  # the code of another package can raise any error
@@ -80,94 +82,43 @@ class HeaderSampler:
         return None
 
 
-class _Pace(CallbackGroup):
-    """Lets the executor read as many messages as are allowed."""
-
-    allowed = 0.0
-
-    def can_execute(self, entity: object) -> bool:
-        return self.allowed >= 1.0
-
-    def beginning_execution(self, entity: object) -> bool:
-        return True
-
-    def ending_execution(self, entity: object) -> None:
-        """Do nothing: the callback counts the messages."""
-
-
 class _Topic:
-    """The subscriptions to a topic; the executor and the thread that polls share it."""
+    """What was read of a topic, and how much more may be read."""
 
-    def __init__(self, node: Node, name: str, message_type: Any) -> None:
-        self._node, self._name, self._message_type = node, name, message_type
-        self._pace = _Pace()
+    def __init__(self, message_type: Any) -> None:
+        self.message_type = message_type
         self._headers = Headers()
-        self._subscriptions: list[Any] = []
         self._since = self._polled = monotonic()  # the beginning of this second, the last poll
-        self._bytes = 0  # within this second
-        self._begin = 0  # latched messages that were sent earlier (ns) are of the past
+        self._allowed, self._bytes = 0.0, 0  # messages, and what was read within this second
         self._first = self._last = 0  # the numbers that the publisher has given to messages
-        self._subscribe()
 
-    def sample(self) -> Headers:
+    def sample(self, publishers: int) -> Headers:
         """Return the headers, with the number of all messages if there is only one publisher."""
         headers, published = self._headers, self._last - self._first + 1
-        if headers.count and self._node.count_publishers(self._name) == 1 and (
-                published > headers.count):
+        if headers.count and publishers == 1 and published > headers.count:
             headers.step *= round(published / headers.count)
             headers.count = published
         return headers
 
-    def poll(self) -> None:
-        """Let more messages be read; after too many bytes, pause until the second is over."""
+    def allowed(self) -> int:
+        """Return how many messages may be read now."""
         now = monotonic()
-        self._pace.allowed = min(
-            self._pace.allowed + (now - self._polled) * _RATE, float(_AT_ONCE))
+        self._allowed = min(self._allowed + (now - self._polled) * _RATE, float(_AT_ONCE))
         self._polled = now
-        if self._bytes > _MOST_BYTES:
-            self._pace.allowed = 0.0
-            while self._subscriptions:
-                self._node.destroy_subscription(self._subscriptions.pop())
         if now >= self._since + 1.0:
             self._since, self._bytes = now, 0
-            if not self._subscriptions:
-                self._subscribe()
+        return max(0, int(self._allowed))
 
-    def _subscribe(self) -> None:
-        # A best-effort, volatile subscription matches all publishers. But latched messages of the
-        # past are sent only to a reliable, transient-local one.
-        offered = {(info.qos_profile.reliability, info.qos_profile.durability)
-                   for info in self._node.get_publishers_info_by_topic(self._name)}
-        self._begin = time_ns()
-        if has_others := offered != {_LATCHED}:
-            self._add_subscription(self._read, *_OTHER)
-        if _LATCHED in offered:
-            self._add_subscription(
-                self._read_frame if has_others else self._read_latched, *_LATCHED)
+    def is_paused(self) -> bool:
+        return self._bytes > _MOST_BYTES
 
-    def _add_subscription(self, callback: Any, reliability: ReliabilityPolicy,
-                          durability: DurabilityPolicy) -> None:
-        self._subscriptions.append(self._node.create_subscription(
-            self._message_type, self._name, callback,
-            QoSProfile(depth=_AT_ONCE, reliability=reliability, durability=durability),
-            callback_group=self._pace, raw=True,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False)))
-
-    def _read(self, data: bytes, info: dict[str, Any]) -> None:
-        self._pace.allowed -= 1.0
-        self._bytes += len(data)
-        self._last = info['publication_sequence_number'] or 0
+    def add(self, message: ReceivedMessage, is_new: bool) -> None:
+        self._allowed -= 1.0
+        self._bytes += len(message)
+        if not is_new:
+            self._headers.add_frame(message)
+            return
+        self._last = message.number
         self._first = self._first or self._last
         if self._headers.wants_next():
-            self._headers.add(info['received_timestamp'] or time_ns(), data)
-
-    def _read_latched(self, data: bytes, info: dict[str, Any]) -> None:
-        if info['source_timestamp'] > self._begin:
-            self._read(data, info)
-        else:
-            self._read_frame(data)
-
-    def _read_frame(self, data: bytes) -> None:
-        self._pace.allowed -= 1.0
-        self._bytes += len(data)
-        self._headers.add_frame(data)
+            self._headers.add(message.time, message)

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from puretf import comma_list, shortened
-from puretf.publisher_listener import node_of, UNKNOWN
+from puretf.publisher_listener import nodes_on, UNKNOWN
 
 
 class JointStateReader:
@@ -23,8 +23,8 @@ class JointStateReader:
         except ValueError as error:
             if not self._has_warned:
                 self._has_warned = True
-                nodes = {*map(node_of, self._node.get_publishers_info_by_topic(self._topic))}
-                names = comma_list(sorted(nodes), 5, shortened)
+                nodes = nodes_on(self._node, self._topic)
+                names = comma_list(nodes, 5, shortened)
                 self._node.get_logger().warning(
                     f'dropped a message on {shortened(self._topic)} that cannot be decoded: '
                     f'{error}; published by {"one of " * (len(nodes) > 1)}{names or UNKNOWN}. '

@@ -1,7 +1,7 @@
 """Subscriptions to the topics with the descriptions of robots, and with their joint states."""
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from functools import partial
 from threading import Lock, Thread
 from time import monotonic
@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from puretf import SECOND
-from puretf.publisher_listener import node_of, TopicReader
+from puretf.publisher_listener import node_of, nodes_on, TopicWatch
 from puretf_tools.inspection.feeds import Sender, Senders
 from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.inspection.robots import joint_states_of, Robot
@@ -23,9 +23,8 @@ from puretf_tools.robot.observed import JOINT_STATE, receive, robot_of
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 1.0
-#: The time between two searches for joint states (s), the largest number of their topics, and how
-#: many messages of each are read at a time.
-_STATES_INTERVAL, _MOST_STATES, _DEPTH = 0.5, 20, 50
+#: The largest number of topics with joint states, and of messages of each that are read at a time.
+_MOST_STATES, _DEPTH = 20, 50
 #: The longest time that `wait` takes (s).
 _PATIENCE = 20.0
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -102,44 +101,35 @@ class RobotListener:
 
     def __init__(self, node: Node, tf_topic: str = '/tf') -> None:
         self._node, self._descriptions = node, DescriptionListener(node)
-        self._tf_topic, self._next_scan = tf_topic, 0.0
-        #: By topic of joint states; None: this node listens to another type on the topic.
-        self._readers: dict[str, Optional[TopicReader]] = {}
+        self._tf_topic = tf_topic
+        self._watch = TopicWatch(node, self._wanted, _MOST_STATES, _DEPTH)
+        #: By topic of joint states.
         self._decoders: dict[str, JointStateReader] = {}
-        self._states: dict[str, dict[str, str]] = {}
-        self._senders: dict[str, Senders] = {}
+        self._states: defaultdict[str, dict[str, str]] = defaultdict(dict)
+        self._senders: defaultdict[str, Senders] = defaultdict(Senders)
 
     def poll(self) -> None:
         """Search for descriptions and joint states, and read the joint states."""
-        for topic in map(joint_states_of, self._descriptions.descriptions()):
-            self._listen(topic)
-        if monotonic() >= self._next_scan:
-            self._next_scan = monotonic() + _STATES_INTERVAL
-            for topic, types in self._node.get_topic_names_and_types():
-                if JOINT_STATE in types and topic not in self._readers and self._feeds_tf(topic):
-                    self._listen(topic)
-        for topic, reader in self._readers.items():
-            for data in reader.take() if reader else ():
-                if (message := self._decoders[topic].read(data)) is None:
-                    continue
-                receive(self._states[topic], message)
-                stamp = message.header.stamp
-                self._senders[topic].add(
-                    data.publisher, data.time, stamp.sec * SECOND + stamp.nanosec, message.name)
+        self._descriptions.descriptions()
+        self._watch.poll()
+        for topic in self._watch.readers:
+            decoder = self._decoders.setdefault(topic, JointStateReader(self._node, topic))
+            for data, is_new in self._watch.take(topic):
+                if is_new and (message := decoder.read(data)):
+                    receive(self._states[topic], message)
+                    stamp = message.header.stamp
+                    self._senders[topic].add(data.publisher, data.time, (
+                        stamp.sec * SECOND + stamp.nanosec), message.name)
 
-    def _listen(self, topic: str) -> None:
-        if topic in self._readers or len(self._readers) >= _MOST_STATES:
-            return
-        self._states[topic], self._senders[topic], self._readers[topic] = {}, Senders(), None
-        self._decoders[topic] = JointStateReader(self._node, topic)
-        with suppress(RuntimeError):  # this node listens to another type on the topic
-            self._readers[topic] = TopicReader(self._node, JointState, topic, QoSProfile(
-                depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT))
-
-    def _feeds_tf(self, topic: str) -> bool:
-        """Return whether joint states are of a robot, or a node reads them that sends TF."""
-        return topic.endswith('/joint_states') or not {*self.subscribers(topic)}.isdisjoint(
-            map(node_of, self._node.get_publishers_info_by_topic(self._tf_topic)))
+    def _wanted(self) -> Iterator[tuple[str, Any]]:
+        """Yield the joint states of robots, and those that are read by nodes that send TF."""
+        for topic in self._descriptions.descriptions():
+            yield joint_states_of(topic), JointState
+        senders = {*nodes_on(self._node, self._tf_topic)}
+        for topic, types in self._node.get_topic_names_and_types():
+            if JOINT_STATE in types and (topic.endswith('/joint_states')
+                                         or not senders.isdisjoint(self.subscribers(topic))):
+                yield topic, JointState
 
     def subscribers(self, topic: str) -> list[str]:
         """Return the full names of the nodes that read a topic."""
@@ -154,9 +144,8 @@ class RobotListener:
     def senders(self) -> dict[str, Sequence[Sender]]:
         """Return the senders of joint states by topic; none if it is not known who sends what."""
         return {topic: self._senders[topic].named(reader.names_of)
-                for topic, reader in self._readers.items() if reader and reader.has_gids}
+                for topic, readers in self._watch.readers.items()
+                for reader in readers.values() if reader.has_gids}
 
     def close(self) -> None:
-        for reader in self._readers.values():
-            if reader:
-                reader.close()
+        self._watch.close()

@@ -225,10 +225,10 @@ class JointCommanders(JointControls):
             self.why_none = self._why_none(descriptions)
 
     def _why_none(self, descriptions: Iterable[str]) -> str:
-        from puretf.publisher_listener import node_of
+        from puretf.publisher_listener import nodes_on
         for topic in map(joint_states_of, descriptions):
-            if names := {node_of(info) for info in self._node.get_publishers_info_by_topic(topic)}:
-                return (f'{comma_list(sorted(names), 5, shortened)} publishes on '
+            if names := nodes_on(self._node, topic):
+                return (f'{comma_list(names, 5, shortened)} publishes on '
                         f'{shortened(topic)}: joint_state_publisher has its sliders on its own '
                         'page; other nodes can be moved if they listen to a topic joint_command.')
         return ('No node listens to a topic joint_command. To move the joints of a robot, start '

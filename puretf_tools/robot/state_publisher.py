@@ -26,7 +26,7 @@ from puretf import (
     Transform,
     TransformBroadcaster,
 )
-from puretf.publisher_listener import node_of
+from puretf.publisher_listener import nodes_on
 from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.robot.description import Description, parse
 from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
@@ -139,8 +139,8 @@ class RobotStatePublisher(Node):
 
     def _state_publishers(self) -> str:
         topic = self._states.topic_name
-        names = {node_of(info) for info in self.get_publishers_info_by_topic(topic)}
-        return (f'; publishers of {shortened(topic)}: {comma_list(sorted(names), 5, shortened)}'
+        names = nodes_on(self, topic)
+        return (f'; publishers of {shortened(topic)}: {comma_list(names, 5, shortened)}'
                 if names else '')
 
     def _warn_of_description(self) -> None:

@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
-from puretf._ros import other_topics
+from puretf._ros import topic_watch
 from puretf_tools.cli import progress
 from puretf_tools.commands import tf_doctor
 from puretf_tools.commands.tf_doctor import main
@@ -36,7 +36,7 @@ SIM_TIME = '--ros-args', '-p', 'use_sim_time:=true'
 @pytest.fixture(autouse=True)
 def often(monkeypatch):
     """Let the command search for topics twenty times a second."""
-    for module in clock_sampler, header_sampler, description_listener, other_topics:
+    for module in clock_sampler, description_listener, topic_watch:
         monkeypatch.setattr(module, '_SCAN_INTERVAL', 0.05)
 
 

@@ -25,7 +25,7 @@ from puretf import (
     TFMessage,
     TransformBroadcaster,
 )
-from puretf._ros import rclpy_private
+from puretf._ros import rclpy_private, topic_watch
 from puretf._ros.rclpy_private import subscribe, Taker
 from puretf._ros.subscription import SubscriptionSource
 from puretf.publisher_listener import (
@@ -37,7 +37,7 @@ from puretf.publisher_listener import (
 )
 
 S = 10**9
-Publishers: Any = publisher_listener._Publishers
+Publishers: Any = topic_watch.Publishers
 
 
 def bytes_of(*transforms):

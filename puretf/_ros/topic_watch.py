@@ -1,0 +1,249 @@
+"""Readers of any topics, whose messages are taken as bytes, and the publishers of the messages."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
+from time import monotonic, time_ns
+from typing import Any, Optional
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from puretf._core.pose import Row
+from puretf._ros.graph import gid_of, node_of, UNKNOWN
+from puretf._ros.rclpy_private import subscribe
+from puretf._ros.subscription import taker
+from puretf._text.names import comma_list
+from puretf._wire import cdr
+from puretf._wire.message_reader import Encoding
+
+#: The time between two searches for topics (s).
+_SCAN_INTERVAL = 0.5
+_LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+_OTHER = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
+
+
+class ReceivedMessage(bytes):
+    """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
+
+    #: The gid of the publisher, in hex; '' if the gid is not known. If the middleware does not
+    #: report gids: the bytes that it reports instead, in hex.
+    publisher = ''
+    time = 0  #: the time of arrival, on the system clock (ns)
+    sent = 0  #: when it was sent, on the system clock of its computer (ns); 0: not known
+    number = 0  #: the number that its publisher has given to it; 0: not known
+    is_static = False  #: True if the message is from /tf_static
+    encoding: Encoding = cdr
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of the message."""
+        return self
+
+    @classmethod
+    def of(cls, data: bytes, publisher: str = '', time: int = 0, sent: int = 0, number: int = 0
+           ) -> 'ReceivedMessage':
+        """Create a message; a time of 0 is replaced by the current time."""
+        message = cls(data)
+        message.publisher, message.time = publisher, time or time_ns()
+        message.sent, message.number = sent, number
+        return message
+
+    def rows(self) -> list[Row]:
+        """
+        Return the transforms of the message, unchanged: names may have a leading slash.
+
+        :returns: for each transform: `stamp_ns`, `frame_id`, `child_frame_id` and `pose`. The pose
+            is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
+        :raises ValueError: if the bytes are not those of a TFMessage.
+        """
+        return cdr.unpack(self)
+
+
+class Publishers:
+    """
+    The publishers on some topics in the ROS graph, also those that are gone.
+
+    :param type_name: the type of their messages; '': any.
+    :param most_names: with more names, the oldest ones of publishers that are gone are dropped.
+    """
+
+    def __init__(self, node: Node, topics: Collection[str], type_name: str = '',
+                 most_names: int = 10_000) -> None:
+        self._node, self._topics, self._type, self._most = node, topics, type_name, most_names
+        #: By gid: the name of the node, and the topic; also of publishers that are gone.
+        self.nodes: dict[str, tuple[str, str]] = {}
+        #: The gids of the publishers that exist.
+        self.present: frozenset[str] = frozenset()
+        #: By gid: the topic, if the gid may never be that of a publisher in the ROS graph.
+        self._unknown: dict[str, str] = {}
+        self._next_query = 0.0
+
+    def add_unknown(self, gid: str, topic: str) -> None:
+        """Keep the topic of a publisher, because its gid may never be in the ROS graph."""
+        self._unknown[gid] = topic
+        if len(self._unknown) > self._most:
+            del self._unknown[next(iter(self._unknown))]
+
+    def query_if_due(self) -> None:
+        """Query every half second, so that the names of nodes that end are known afterwards."""
+        if (now := monotonic()) >= self._next_query:
+            self._next_query = now + 0.5
+            self._query()
+
+    def _query(self) -> None:
+        present = set()
+        for topic in self._topics:
+            for info in self._node.get_publishers_info_by_topic(topic):
+                if self._type not in ('', info.topic_type):  # nothing is received from it
+                    continue
+                gid = gid_of(info)
+                present.add(gid)
+                if (name := node_of(info)) != UNKNOWN:
+                    self.nodes[gid] = name, topic
+        self.present = frozenset(present)
+        gone = [gid for gid in tuple(self.nodes) if gid not in present]
+        for gid in gone[:max(0, len(self.nodes) - self._most)]:
+            self.nodes.pop(gid, None)
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        requested = set(gids)
+        if not requested <= self.nodes.keys():
+            self._query()
+        return {gid: self._name_of(gid) for gid in requested}
+
+    def _name_of(self, gid: str) -> str:
+        if found := self.nodes.get(gid):
+            return found[0]
+        if self.present - self.nodes.keys():  # the node of a publisher is not discovered yet
+            return UNKNOWN
+        topic = self._unknown.get(gid)
+        # Also publishers that are gone: one of them may have sent the message.
+        names = sorted({name for name, each in tuple(self.nodes.values()) if each == topic})
+        return (f'one of {comma_list(names, 5)}' if len(names) > 1 else
+                names[0] if names else UNKNOWN)
+
+
+class TopicReader:
+    """
+    A subscription to a topic of any type, whose messages are taken as bytes with their publishers.
+
+    No executor serves it. It must be closed before its node is destroyed.
+
+    :meta private:
+    """
+
+    def __init__(self, node: Node, message_type: Any, topic: str, qos: QoSProfile) -> None:
+        self.begin, self._depth = time_ns(), qos.depth
+        #: The time of the last `take`, and the shortest time between sending and arrival (ns).
+        self._last_take, self._delay = self.begin, 2**63
+        self._subscription = subscribe(
+            node, message_type, topic, lambda _: None, qos, node.default_callback_group)
+        self._taker = taker(self._subscription.handle, ReceivedMessage.of)
+        #: False if it is not known which publisher has sent a message.
+        self.has_gids = self._taker.has_gids
+        self._publishers = Publishers(node, [topic])
+
+    def take(self, most: Optional[int] = None) -> list[ReceivedMessage]:
+        """Take the messages in the queue, or the oldest ones."""
+        last, self._last_take = self._last_take, time_ns()
+        messages = self._taker.take(self._depth if most is None else most)
+        if not self._taker.has_reception_times:
+            # They are estimated, since a message may have arrived at any time since the last call.
+            for each in messages:
+                self._delay = min(self._delay, each.time - each.sent)
+                each.time = max(last, each.sent + self._delay)
+        if not self.has_gids:
+            for each in messages:
+                each.publisher = ''
+        if any(each.publisher not in self._publishers.nodes for each in messages):
+            self._publishers.query_if_due()
+        return messages
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        """Return by gid the full name of the publisher's node, or UNKNOWN."""
+        return self._publishers.names_of(gids)
+
+    def close(self) -> None:
+        self._subscription.destroy()
+
+
+class TopicWatch:
+    """
+    Readers of the topics that are wanted, which are searched for twice a second.
+
+    A topic has a reader with QoS best effort, and one for the latched messages of the past, each
+    if the publishers need it. All must be closed before the node is destroyed.
+
+    :meta private:
+    """
+
+    def __init__(self, node: Node, wants: Callable[[], Iterable[tuple[str, Any]]], limit: int,
+                 depth: int) -> None:
+        """
+        Search for nothing yet.
+
+        :param wants: returns topics and the types of their messages.
+        :param limit: the largest number of topics.
+        :param depth: that of the queue of a reader.
+        """
+        self._node, self._wants, self._limit = node, wants, limit
+        self._depth, self._next_scan = depth, 0.0
+        #: By topic, and whether latched messages of the past are read.
+        self.readers: dict[str, dict[bool, TopicReader]] = {}
+        self._unmapped: list[Node] = []
+
+    def poll(self) -> None:
+        """Search for topics if it is time."""
+        if monotonic() >= self._next_scan:
+            self._next_scan = monotonic() + _SCAN_INTERVAL
+            for topic, message_type in self._wants():
+                # A topic without readers was refused, and would be refused again.
+                if self.readers.get(topic, len(self.readers) < self._limit):
+                    self._read(topic, message_type)
+
+    def take(self, topic: str, most: Optional[int] = None
+             ) -> Iterator[tuple[ReceivedMessage, bool]]:
+        """
+        Take the messages of a topic, at most a number from each reader.
+
+        :returns: each with whether it is new; False: it was sent before the reader existed, or the
+            other reader has it, too.
+        """
+        readers = self.readers.get(topic, {})
+        for is_latched, reader in readers.items():
+            for message in reader.take(most):
+                yield message, not is_latched or (
+                    False not in readers and message.sent > reader.begin)
+
+    def node_for(self, topic: str) -> Node:
+        """Return a node that does not remap a topic, as `--namespace` does with /tf."""
+        if self._node.resolve_topic_name(topic) == topic:
+            return self._node
+        if not self._unmapped:
+            self._unmapped.append(Node(
+                '_tf_other_topics', context=self._node.context, use_global_arguments=False,
+                start_parameter_services=False, enable_rosout=False))
+        return self._unmapped[0]
+
+    def _read(self, topic: str, message_type: Any) -> None:
+        node, readers = self.node_for(topic), self.readers.setdefault(topic, {})
+        # A best-effort, volatile subscription matches all publishers. But latched messages of the
+        # past are sent only to a reliable, transient-local one.
+        for is_latched in {(info.qos_profile.reliability, info.qos_profile.durability) == _LATCHED
+                           for info in node.get_publishers_info_by_topic(topic)} or {False}:
+            if is_latched not in readers:
+                reliability, durability = _LATCHED if is_latched else _OTHER
+                with suppress(RuntimeError):  # this node listens to another type on the topic
+                    readers[is_latched] = TopicReader(node, message_type, topic, QoSProfile(
+                        depth=self._depth, reliability=reliability, durability=durability))
+
+    def leave(self, topic: str) -> None:
+        """Close the readers of a topic, until it is wanted again."""
+        for reader in self.readers.pop(topic, {}).values():
+            reader.close()
+
+    def close(self) -> None:
+        for topic in [*self.readers]:
+            self.leave(topic)
+        for node in self._unmapped:
+            node.destroy_node()
