@@ -2,14 +2,16 @@
 Situations from public reports, as data, and the codes of their causes.
 
 The numbers are those of the two logs from which they are: `2.5` is row 5 of the second one.
+`ELSEWHERE` has the other rows.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple, Optional
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Optional
 
-from world import Lookup, NOW, S, Sender, Sensor, World
+from world import Lookup, NOW, S, Sender, Sensor, STILL, World
 
 from puretf._causes.facts import Blocked
+from puretf._core.pose import Pose
 from puretf_tools.inspection.robots import Robot
 
 
@@ -21,6 +23,8 @@ class Situation(NamedTuple):
     lookups: list[Lookup]
     #: The codes of what `tf_doctor` finds; None: those of the causes that it can know.
     finds: Optional[Sequence[str]] = None
+    #: What the remedies change, of which each is enough: fields of the world, and of the lookups.
+    after: Sequence[Mapping[str, Any]] = ()
 
 
 SCAN_OF_LIDAR = 'the clock of this node'
@@ -30,18 +34,35 @@ AMCL = Sender('/amcl', ['map odom'], 10, offset=0.5)
 SLAM = Sender('/slam', ['map odom'], 10)
 #: A listener that has been there for a long time, and so has dropped transforms.
 LONG = -20.0
+#: What the time on /clock is, and a node whose stamps are of it.
+SIM: dict[str, Any] = {'clock': 100.0, 'clock_nodes': ['/gazebo']}
+SIM_DRIVER = DRIVER._replace(offset=100.0 - NOW / S)
+ROBOT: dict[str, Any] = {'senders': [SLAM, DRIVER, LASER]}
+AGAIN: dict[str, Any] = {'senders': [DRIVER], 'at': 0.0}
 
 
-def clock_off(offset: float, *causes: str, words: tuple[str, ...] = (), begin: float = LONG
-              ) -> Situation:
+def moves(number: int) -> Pose:
+    """Return the pose of a frame that moves by 1 cm from message to message."""
+    return number / 100, *STILL[1:]
+
+
+def arm(**states: str) -> Robot:
+    """Return a robot with the joint turn, and why joint states are ignored, by joint."""
+    return Robot('/robot_description', '', 'base_link', ['base_link', 'laser', 'hand'],
+                 {'turn': ['hand']}, states)
+
+
+def clock_off(row: str, offset: float, *causes: str, words: Sequence[str] = (),
+              begin: float = LONG) -> Situation:
     """Return a sensor whose stamps are off by some time (s), while all transforms are in time."""
     return Situation(
-        f'2.19-25 a sensor is {offset} s off, {-begin} s after the start',
+        f'{row}a sensor is {offset} s off, {-begin} s after the start',
         World([DRIVER._replace(begin=begin), LASER._replace(begin=begin)],
               sensors=[Sensor(offset=offset, begin=begin)]),
         [Lookup('odom', 'laser', causes, words, at=offset,
                 not_words=('Skip', 'Set use_sim_time', 'publisher'))],
-        finds=None if offset != -12.3 else ['message_too_old'] if begin == LONG else [])
+        finds=None if offset != -12.3 else ['message_too_old'] if begin == LONG else [],
+        after=[{'sensors': [Sensor(begin=begin)], 'at': 0.0}])
 
 
 FAULTY = [
@@ -49,102 +70,136 @@ FAULTY = [
         Sender('/rsp', ['base_footprint base_link', 'base_link laser'], 0, '/tf_static'), DRIVER]),
         [Lookup('base_footprint', 'base_link', ['changing_parent'],
                 ("'base_link'", "'base_footprint' (static) by /rsp", "'odom' by /driver"),
-                not_words=['Publish a transform'])]),
+                not_words=['Publish a transform'])],
+        after=[{'senders': [Sender('/rsp', ['base_footprint base_link'], 0, '/tf_static'),
+                            Sender('/driver', ['odom base_footprint'])]}]),
     Situation('2.3 the same, the other way round', World([
         Sender('/rsp', ['base_link base_footprint', 'base_link laser'], 0, '/tf_static'),
         Sender('/sim', ['odom base_footprint'])]),
         [Lookup('odom', 'laser', ['changing_parent'],
                 ("'base_footprint'", "'base_link' (static) by /rsp", "'odom' by /sim"))],
-        finds=['changing_parent', 'rep_105']),
+        finds=['changing_parent', 'rep_105'],
+        after=[{'senders': [Sender('/rsp', ['base_footprint base_link', 'base_link laser'], 0,
+                                   '/tf_static'), Sender('/sim', ['odom base_footprint'])]}]),
     Situation('2.4 two dynamic parents that alternate', World([
         DRIVER._replace(rate=30), Sender('/slam', ['map base_link'], 30, begin=-19.99,
                                          end=-0.01)]),
         [Lookup('map', 'base_link', ['changing_parent'],
-                ("'map'", "'odom' by /driver", '/slam'))], finds=['changing_parent', 'rep_105']),
+                ("'map'", "'odom' by /driver", '/slam'))],
+        finds=['changing_parent', 'rep_105'], after=[ROBOT]),
     Situation('2.5 a part has a prefix', World([
         Sender('/controller', ['robot1/odom robot1/base_link']), SLAM, LASER]),
         [Lookup('map', 'laser', ['part_prefix'], ("'robot1/odom'", "'odom'"),
-                not_words=['Publish a transform'])]),
+                not_words=['Publish a transform'])], after=[ROBOT, {'senders': [
+            Sender('/controller', ['robot1/odom robot1/base_link']),
+            Sender('/slam', ['map robot1/odom']),
+            LASER._replace(edges=['robot1/base_link laser'])]}]),
     Situation('2.6 only odom has the prefix', World([
         Sender('/controller', ['robot1/odom base_link']), SLAM, LASER]),
-        [Lookup('map', 'laser', ['part_prefix'], ("'robot1/odom'", "'odom'"))]),
+        [Lookup('map', 'laser', ['part_prefix'], ("'robot1/odom'", "'odom'"))], after=[ROBOT]),
     Situation('2.6 a prefix without a slash', World([
         Sender('/controller', ['odom robot1base_link']), SLAM, LASER]),
-        [Lookup('map', 'laser', ['part_prefix'], ("'robot1base_link'", "'base_link'"))]),
+        [Lookup('map', 'laser', ['part_prefix'], ("'robot1base_link'", "'base_link'"))],
+        after=[ROBOT]),
     Situation('2.6 odom_combined', World([
         Sender('/controller', ['odom_combined base_link']), SLAM, LASER]),
-        [Lookup('map', 'laser', ['part_prefix'], ("'odom_combined'", "'odom'"))]),
+        [Lookup('map', 'laser', ['part_prefix'], ("'odom_combined'", "'odom'"))], after=[ROBOT]),
     Situation('2.7, 1.28 names that differ by case or a blank', World([
         Sender('/controller', ['Odom base_link']), SLAM]),
         [Lookup('map', 'base_link', ['similar_name'], ('differ by case',))],
-        finds=['similar_name', 'several_trees']),
+        finds=['similar_name', 'several_trees'], after=[ROBOT]),
+    Situation('2.7 an empty namespace before a name', World([
+        SLAM._replace(edges=['map /odom']), DRIVER._replace(edges=['/odom base_link'])]),
+        [Lookup('map', 'odom', None)], ['leading_slash'], [ROBOT]),
     Situation('2.8 a localiser before its first pose', World([DRIVER, Sender('/amcl')]),
               [Lookup('map', 'base_link', ['silent_publisher'],
                       ('/amcl has a publisher on /tf', 'nothing arrives'))]),
     Situation('2.9 a publisher waits for /clock', World([
         Sender('/odom_node', waits_for='/clock')]), [Lookup('odom', 'base_link', ['no_clock'],
                       ('/odom_node waits for /clock, which nothing publishes',
-                       'use_sim_time'))]),
+                       'use_sim_time'))], after=[AGAIN, {'senders': [SIM_DRIVER], **SIM}]),
+    Situation('2.10 the same with a timer of the wall clock', World([
+        Sender('/odom_node', ['odom base_link'], stamp=lambda _: 0, waits_for='/clock')]),
+        [Lookup('odom', 'base_link', ['zero_stamp'], ('Set header.stamp',), at=-0.1)],
+        after=[AGAIN, {'senders': [SIM_DRIVER], **SIM}]),
     Situation('2.11 a bag is played with a start offset', World([
         Sender('/rosbag2_player', ['odom base_link']),
         Sender('/rosbag2_player', topic='/tf_static')]),
         [Lookup('odom', 'laser', ['silent_publisher'],
                 ('/rosbag2_player has sent nothing on /tf_static', 'start offset'))]),
     Situation('2.12 volatile statics', World([DRIVER, LASER._replace(lacks='transient local')]),
-              [Lookup('odom', 'laser', ['static_not_latched'], ('/rsp', 'not transient local'))]),
+              [Lookup('odom', 'laser', ['static_not_latched'], ('/rsp', 'not transient local'))],
+              after=[ROBOT]),
     Situation('1.36 best effort', World([DRIVER._replace(lacks='reliable'), LASER]),
-              [Lookup('odom', 'laser', ['incompatible_qos'], ('/driver', 'not reliable'))]),
+              [Lookup('odom', 'laser', ['incompatible_qos'], ('/driver', 'not reliable'))],
+              after=[ROBOT]),
     Situation('2.13 joint states on another topic', World(
         [LASER, Sender('/robot_state_publisher', waits_for='/joint_states')],
         joint_states={'/robot1/joint_states': ['/driver']}),
         [Lookup('base_link', 'arm', ['joint_without_state'],
                 ('/robot_state_publisher waits for /joint_states', '/robot1/joint_states',
-                 '/driver', '-r /joint_states:=/robot1/joint_states'))]),
-    *(clock_off(offset, 'message_other_clock', words=(word, SCAN_OF_LIDAR), begin=begin)
-      for offset, word in ((-37.0, 'TAI'), (37.0, 'TAI'), (18.0, 'GPS'), (-18.1, 'GPS'),
-                           (-28800.0, '8 hours'), (7200.0, '2 hours'),
-                           (-315_964_782.0, 'GPS epoch'), (1868.0 - NOW / S, 'power-on'))
+                 '/driver', '-r /joint_states:=/robot1/joint_states'))],
+        after=[{'senders': [LASER, Sender('/robot_state_publisher', ['base_link arm'])]}]),
+    *(clock_off(row, offset, 'message_other_clock', words=(word, SCAN_OF_LIDAR), begin=begin)
+      for row, offset, word in (
+          ('2.19 ', -37.0, 'TAI'), ('2.21 ', 37.0, 'TAI'), ('', 18.0, 'GPS'), ('', -18.1, 'GPS'),
+          ('2.22 ', -28800.0, '8 hours'), ('', 7200.0, '2 hours'),
+          ('2.25 ', -315_964_782.0, 'GPS epoch'), ('2.24 ', 1868.0 - NOW / S, 'power-on'))
       for begin in (-3.0, LONG)),
-    clock_off(4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),
-    clock_off(-12.3, 'cache_too_short', words=('cache_time=14 s',)),
-    clock_off(-12.3, begin=-3.0, words=('No earlier transform was received',)),
-    Situation('2.26 data ahead of the clock', World([DRIVER._replace(offset=30.0)]),
+    clock_off('', 4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),
+    clock_off('', -12.3, 'cache_too_short', words=('cache_time=14 s',)),
+    clock_off('', -12.3, begin=-3.0, words=('No earlier transform was received',)),
+    Situation('2.26 all nanoseconds in nanosec, cut to 32 bits', World([
+        DRIVER._replace(nanosec=lambda stamp: stamp % 2**32)]),
+        [Lookup('odom', 'base_link', ['nanosec'], at=-30.0),
+         Lookup('odom', 'base_link', ['nanosec'], ('it must be below 1000000000',), at=5.0)],
+        after=[AGAIN]),
+    Situation('data ahead of the clock', World([DRIVER._replace(offset=30.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('30.0 s ahead of it',), at=0.0)],
-        finds=['future']),
+        finds=['future'], after=[AGAIN]),
     *(Situation(f'2.28 refused: {code}', World([DRIVER, Sender(
         '/imu', ['base_link tool'], pose=pose)], has_gids=True),
-        [Lookup('odom', 'tool', [code], ("transforms of 'tool' from /imu were refused",))])
-      for code, pose in (('not_a_number', (float('nan'), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
-                         ('unnormalized', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))),
+        [Lookup('odom', 'tool', [code], ("transforms of 'tool' from /imu were refused",))],
+        after=[{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}])
+      for code, pose in (('not_a_number', lambda _: (float('nan'), *STILL[1:])),
+                         ('unnormalized', lambda _: (0.0,) * 7))),
     Situation('2.29 its own parent', World([DRIVER, Sender('/imu', ['tool tool'])]),
               [Lookup('odom', 'tool', ['loop'], ("transforms of 'tool'", 'own parent'))],
-              finds=['loop', 'several_trees']),
+              ['loop', 'several_trees'],
+              [{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}]),
     Situation('2.31 a stamp just ahead of the data', World([DRIVER]),
               [Lookup('odom', 'base_link', ['too_soon'], ('Pass timeout=',), at=0.02),
                Lookup('odom', 'base_link', ['too_soon'], ('has not come within 0.01 s',), at=0.02,
-                      waited=0.01)]),
+                      waited=0.01)], after=[{'at': None}]),
     Situation('2.32 a Buffer without a listener', World([DRIVER], has_listener=False),
-              [Lookup('odom', 'base_link', ['no_listener'], ('TransformListener',))]),
+              [Lookup('odom', 'base_link', ['no_listener'], ('TransformListener',))],
+              after=[{'has_listener': True}]),
     Situation('2.36 NTP sets the clock back', World([
         DRIVER._replace(offset=30.0, end=-10.0), DRIVER._replace(begin=-9.9)]),
         [Lookup('odom', 'base_link', ['time_goes_back'], ('were refused', 'Clear the buffer'),
-                at=-0.5)], finds=['future', 'time_goes_back']),
+                at=-0.5)], finds=['future', 'time_goes_back'],
+        after=[{'senders': [DRIVER._replace(begin=-9.9)]}]),
     Situation('1.12 map -> odom on /tf, the rest on /robot1/tf', World([
         SLAM, DRIVER._replace(topic='/robot1/tf'),
         LASER._replace(topic='/robot1/tf_static')]),
         [Lookup('map', 'base_link', ['half_namespace'],
-                ("'odom' -> 'base_link' is published on /robot1/tf by /driver", 'Remap both'))]),
+                ("'odom' -> 'base_link' is published on /robot1/tf by /driver", 'Remap both'))],
+        after=[ROBOT, {'topics': ('/robot1/tf_static', '/robot1/tf'), 'senders': [
+            each._replace(topic=f'/robot1{each.topic}') for each in (SLAM, DRIVER, LASER)]}]),
     Situation('1.11 all TF is in a namespace', World([DRIVER._replace(topic='/a300/tf')]),
               [Lookup('odom', 'base_link', ['other_namespace'],
-                      ('/a300/tf', '--namespace a300'))]),
+                      ('/a300/tf', '--namespace a300'))],
+              after=[{'topics': ('/a300/tf_static', '/a300/tf')}, ROBOT]),
     Situation('1.18 the clock of the robot is 90 s behind', World([DRIVER._replace(offset=-90.0)]),
-              [Lookup('odom', 'base_link', ['other_clock'], ('90.0 s behind it',), at=0.0)]),
+              [Lookup('odom', 'base_link', ['other_clock'], ('90.0 s behind it',), at=0.0)],
+              after=[AGAIN]),
     Situation('1.18 the clock of the robot is 5 s behind', World([DRIVER._replace(offset=-5.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('5.0 s behind it',), at=0.0)],
-              ['late']),
+              ['late'], [AGAIN]),
     Situation('1.17 the same, and a lookup at the present time', World([
         Sender('/rosbag2_player', ['odom base_link'], offset=-1e8)]),
-        [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)]),
+        [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)],
+        after=[{'clock': NOW / S - 1e8, 'clock_nodes': ['/rosbag2_player']}]),
     Situation('an old time in a simulation', World(
         [DRIVER._replace(offset=1000.0 - NOW / S)], clock=1000.0, clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['cache_too_short'], at=-100.0),
@@ -153,20 +208,24 @@ FAULTY = [
               [Lookup('odom', 'base_link', ['cache_too_short'], at=-11.5)]),
     Situation('1.17 a bag is played without --clock', World([DRIVER._replace(offset=-1e8)]),
               [Lookup('odom', 'base_link', ['too_soon'], ('behind the clock of this node',),
-                      at=-1e8 + 0.05)], finds=['other_clock']),
+                      at=-1e8 + 0.05)], ['other_clock'],
+              [{'clock': NOW / S - 1e8, 'clock_nodes': ['/rosbag2_player'], 'at': 0.0}]),
     Situation('1.40 use_sim_time, and nothing on /clock', World([DRIVER], clock=0.0),
-              [Lookup('odom', 'base_link', ['no_clock'], ('nothing publishes /clock',), at=5.0)]),
+              [Lookup('odom', 'base_link', ['no_clock'], ('nothing publishes /clock',), at=5.0)],
+              after=[{'clock': None, 'at': 0.0}, {**AGAIN, 'senders': [SIM_DRIVER], **SIM}]),
     Situation('1.30 two nodes publish /clock', World(
         [DRIVER], clock=NOW / S, clock_nodes=['/a', '/b']),
-        [Lookup('odom', 'base_link', ['two_clocks'], ('/a, /b',), at=0.5)]),
+        [Lookup('odom', 'base_link', ['two_clocks'], ('/a, /b',), at=0.5)],
+        after=[{'clock_nodes': ['/a'], 'at': 0.0}]),
     Situation('a simulation, and a node without use_sim_time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'],
-                ('the data are not', '/gazebo publishes /clock'), at=0.0)], finds=['other_clock']),
+                ('the data are not', '/gazebo publishes /clock'), at=0.0)], finds=['other_clock'],
+        after=[SIM, {'senders': [DRIVER]}]),
     Situation('a node with use_sim_time looks up the wall time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock=100.0, clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'], ('requested time is not',),
-                at=NOW / S - 100.0)], finds=[]),
+                at=NOW / S - 100.0)], finds=[], after=[{'at': 0.0}]),
     Situation('1.22 the node that looks up broadcasts', World(
         [DRIVER._replace(end=-0.05)], has_gids=True, node='/driver', blocked={'/driver': Blocked(
             'cannot while nothing spins it', 'Spin it in a thread.', ())}),
@@ -178,29 +237,37 @@ FAULTY = [
     Situation('a publisher has ended', World(
         [DRIVER._replace(end=-5.0, has_ended=True)], has_gids=True),
         [Lookup('odom', 'base_link', ['gap'],
-                ('/driver, which has published it, has ended', 'Start /driver again'), at=0.0)]),
+                ('/driver, which has published it, has ended', 'Start /driver again'), at=0.0)],
+        after=[AGAIN]),
     Situation('a publisher is silent', World([DRIVER._replace(end=-5.0)], has_gids=True),
               [Lookup('odom', 'base_link', [], ('arrived 5.0 s ago from /driver',), at=0.0)],
-        finds=['gap']),
+        finds=['gap'], after=[AGAIN]),
     Situation('a frame was sent once on /tf', World([DRIVER._replace(rate=0)]),
               [Lookup('odom', 'base_link', ['one_shot'], ('Only one has arrived, 20.0 s ago',),
-                      at=0.0)]),
+                      at=0.0)], after=[AGAIN, {'senders': [DRIVER._replace(
+                          rate=0, topic='/tf_static')]}]),
     Situation('a stamp that never advances', World([DRIVER._replace(stamp=lambda _: NOW), SLAM]),
-              [Lookup('map', 'base_link', ['frozen_stamp'], ('have this stamp',), at=-0.5)]),
+              [Lookup('map', 'base_link', ['frozen_stamp'], ('have this stamp',), at=-0.5)],
+              after=[ROBOT, {'senders': [SLAM, DRIVER._replace(rate=0, topic='/tf_static')]}]),
     Situation('a wrong type', World([DRIVER._replace(type='geometry_msgs/msg/TransformStamped')]),
-              [Lookup('odom', 'base_link', ['wrong_type'], ('/driver publishes geometry_msgs',))]),
+              [Lookup('odom', 'base_link', ['wrong_type'], ('/driver publishes geometry_msgs',))],
+              after=[AGAIN]),
     Situation('2.29 an empty parent', World([DRIVER, Sender('/imu', [' tool'])]),
-              [Lookup('odom', 'tool', ['empty_name'], ('the other name is empty',))]),
+              [Lookup('odom', 'tool', ['empty_name'], ('the other name is empty',))],
+              after=[{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}]),
     Situation('a volatile listener', World([DRIVER], is_volatile=True),
-              [Lookup('odom', 'laser', ['volatile_listener'], ('Omit static_qos',))]),
+              [Lookup('odom', 'laser', ['volatile_listener'], ('Omit static_qos',))],
+              after=[{'is_volatile': False, **ROBOT}]),
     Situation('nobody publishes', World([]),
               [Lookup('odom', 'base_link', ['no_transforms'],
-                      ('0 publishers on /tf and /tf_static were found in ROS domain ',))]),
+                      ('0 publishers on /tf and /tf_static were found in ROS domain ',))],
+              after=[AGAIN]),
     Situation('joint states, and no robot_state_publisher', World(
         [], joint_states={'/joint_states': ['/driver']}),
         [Lookup('odom', 'base_link', ['no_robot_state_publisher'],
-                ('/joint_states has a publisher',))]),
-    Situation('a listener that has just started', World([], is_new=True),
+                ('/joint_states has a publisher',))],
+        after=[{'senders': [Sender('/rsp', ['odom base_link'])]}]),
+    Situation('2.33 a listener that has just started', World([], is_new=True),
               [Lookup('odom', 'base_link', [], ('has just started',))], finds=['no_transforms']),
     Situation('a publisher that has sent nothing yet', World([Sender('/arm')]),
               [Lookup('odom', 'base_link', [], ('Nothing has arrived yet from /arm.',))],
@@ -222,9 +289,11 @@ FAULTY = [
     Situation('two trees, and no sign why', World([DRIVER, Sender('/lamp', ['world lamp'])]),
               [Lookup('odom', 'lamp', [], ("'lamp' in the tree with root 'world'",
                                            'tf_doctor odom lamp'), not_words=['Publish'])],
-        finds=['several_trees']),
+        finds=['several_trees'], after=[{'senders': [
+            DRIVER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}]),
     Situation('an old time', World([DRIVER]),
-              [Lookup('odom', 'base_link', ['cache_too_short'], ('cache_time=',), at=-11.0)]),
+              [Lookup('odom', 'base_link', ['cache_too_short'], ('cache_time=12 s',), at=-11.0)],
+              after=[{'cache_time': 12 * S}, {'at': -9.0}]),
     Situation('a time before all that was received', World([DRIVER._replace(begin=-3.0)]),
               [Lookup('odom', 'base_link', [], ('No earlier transform was received',), at=-5.0)]),
     Situation('2.13 the same, and a description of the robot', World(
@@ -232,24 +301,94 @@ FAULTY = [
         joint_states={'/robot1/joint_states': ['/arm']}, robots=[Robot(
             '/robot_description', '', 'base', ['base', 'hand'], {'turn': ['hand']}, {},
             ['/robot1/joint_states'])]), [], ['joint_without_state']),
+    *(Situation(f'{row} {name}', World([DRIVER, LASER], robots=[arm(**{state: why})]), [],
+                ['joint_without_state'], [{
+                    'senders': [DRIVER, LASER, Sender('/rsp', ['base_link hand'])],
+                    'robots': [arm(turn='')]}])
+      for row, name, state, why in (
+          ('2.14', 'a joint name with a prefix', 'x/turn', ''),
+          ('2.14', 'a joint name with a suffix', 'turn_mimic', ''),
+          ('2.15', 'joint states without positions', 'turn', 'have no positions'),
+          ('2.15', 'joint states without a stamp', 'turn', 'have the stamp 0'))),
     Situation('2.17 a floating joint that nobody sends', World([DRIVER], robots=[Robot(
-        '/robot_description', '', 'world', ['world', 'drone'], floating={'world', 'drone'})]), [],
-        ['link_without_transform']),
+        '/robot_description', '', 'world', ['world', 'drone'], floating={'world', 'drone'})]),
+        [Lookup('odom', 'drone', [], ("Known frames: 'base_link', 'odom'",))],
+        ['link_without_transform'],
+        [{'senders': [DRIVER, Sender('/mocap', ['odom world', 'world drone'])]}]),
     Situation('2.27 microseconds in nanosec', World([DRIVER._replace(
-        stamp=lambda time: time // S * S + time % S // 1000)]), [], ['nanosec']),
+        nanosec=lambda stamp: stamp % S // 1000)]), [], ['nanosec'], [AGAIN]),
     Situation('2.27 milliseconds in nanosec', World([DRIVER._replace(
-        stamp=lambda time: time // S * S + time % S // 1_000_000)]), [], ['nanosec']),
+        nanosec=lambda stamp: stamp % S // 1_000_000)]), [], ['nanosec'], [AGAIN]),
     Situation('a cache of weeks is no remedy', World([DRIVER]),
               [Lookup('odom', 'base_link', [], (), at=-604_801.5, not_words=['cache_time'])]),
+    Situation('2.30 /clock at 5 Hz', World(
+        [SIM_DRIVER], **SIM, clock_rate=5.0), [Lookup('odom', 'base_link', None, at=-0.01)],
+        ['slow_clock'], [{'clock_rate': 100.0}]),
+    Situation('2.45 a slash in headers', World([DRIVER, LASER], sensors=[Sensor(frame='/laser')]),
+              [], ['leading_slash'], [{'sensors': [Sensor()]}]),
+    Situation('2.45 the same node is started twice', World([DRIVER, DRIVER]), [],
+              ['two_publishers'], [AGAIN]),
+    Situation('2.46 a localiser is 0.2 s late', World([
+        SLAM._replace(takes=lambda _: 0.2), DRIVER]),
+        [Lookup('map', 'base_link', ['too_soon'],
+                ("edge 'map' -> 'odom'", 'pass a longer timeout='), at=0.0, waited=0.1)],
+        [], [{'at': None}]),
+    Situation('2.46 the scoped name of Gazebo in a scan', World(
+        [DRIVER, LASER], sensors=[Sensor(frame='robot/base_link/laser')]), [],
+        ['unknown_frame'], [{'sensors': [Sensor()]}]),
+    Situation('1.14 one transform of the old run arrives after a reset', World([
+        SIM_DRIVER._replace(begin=-4.0),
+        Sender('/old', ['odom base_link'], 0, offset=145.0 - NOW / S, begin=-3.9)], **SIM),
+        [Lookup('odom', 'base_link', ['time_goes_back'], ('Clear the buffer',), at=0.0)],
+        ['future', 'time_goes_back', 'two_publishers'], [{'senders': [SIM_DRIVER]}]),
+    Situation('1.24 a calibration changes', World([DRIVER, Sender(
+        '/calibration', ['base_link camera'], 1.0, '/tf_static', pose=moves)]),
+        [Lookup('odom', 'camera', None)], ['static_changes'], [{'senders': [DRIVER, Sender(
+            '/calibration', ['base_link camera'], 1.0, pose=moves)]}]),
+    Situation('1.29 joint_state_publisher beside the driver', World(
+        [DRIVER, LASER, Sender('/rsp', ['base_link hand'], pose=lambda i: moves(i % 2 * 100))],
+        joint_states={'/joint_states': ['/driver', '/gui']}, robots=[arm(turn='')]), [],
+        ['two_joint_publishers'], [{
+            'senders': [DRIVER, LASER, Sender('/rsp', ['base_link hand'], pose=moves)],
+            'joint_states': {'/joint_states': ['/driver']}}]),
+    Situation('1.38 two sources of odom -> base_link, one with another clock', World([
+        DRIVER, Sender('/robot2/ekf', ['odom base_link'], offset=-100.0)], has_gids=True),
+        [Lookup('odom', 'base_link', ['time_goes_back'],
+                ('from /robot2/ekf were refused', "Let only one node send 'base_link'"),
+                at=-100.0)], ['two_publishers', 'other_clock'], [AGAIN]),
+    Situation('a frame on both topics', World([
+        DRIVER, Sender('/rsp', ['odom base_link'], 0, '/tf_static')]), [],
+        ['static_and_dynamic'], [AGAIN]),
+    Situation('headers of two trees', World(
+        [DRIVER, LASER, Sender('/lamp', ['world lamp'])],
+        sensors=[Sensor(), Sensor('/lamp', '/light', 'lamp')]), [],
+        ['disconnected', 'several_trees'], [{'senders': [
+            DRIVER, LASER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}]),
+    Situation('a frame has stopped, and scans wait for it', World(
+        [SLAM, DRIVER._replace(end=-8.0), LASER], sensors=[Sensor()]), [],
+        ['gap', 'message_never'], [ROBOT]),
+    Situation('scans wait for odometry', World(
+        [DRIVER._replace(takes=lambda _: 0.3), LASER], sensors=[Sensor()]), [],
+        ['message_early'], [ROBOT]),
+    Situation('scans without a stamp', World(
+        [DRIVER, LASER], sensors=[Sensor(stamp=lambda _: 0)]), [],
+        ['message_zero_stamp'], [{'sensors': [Sensor()]}]),
+    Situation('a wrong measurement', World([
+        DRIVER._replace(pose=lambda i: moves(i + 900 * (i == 200)))]), [],
+        ['jump'], [{'senders': [DRIVER._replace(pose=moves)]}]),
+    Situation('several poses with one stamp', World([
+        DRIVER._replace(pose=moves, stamp=lambda stamp: stamp // (S // 5) * (S // 5))]), [],
+        ['same_stamp'], [{'senders': [DRIVER._replace(pose=moves)]}]),
+    Situation('a link that nobody sends', World([DRIVER], robots=[Robot(
+        '/robot_description', '', 'base_link', ['base_link', 'laser'])]), [],
+        ['link_without_transform'], [ROBOT]),
+    Situation('a paused simulation', World(
+        [SIM_DRIVER._replace(stamp=lambda _: 100 * S)], **SIM, speed=0.0), [],
+        ['clock_stands'], [{'senders': [SIM_DRIVER], 'speed': 1.0}]),
 ]
 
 #: Lookups that engineers thought of who had not seen the rules.
 THOUGHT_OF = [
-    Situation('two robots with the same frames on one topic', World([
-        DRIVER, Sender('/robot2/ekf', ['odom base_link'], offset=-100.0)], has_gids=True),
-        [Lookup('odom', 'base_link', ['time_goes_back'],
-                ('from /robot2/ekf were refused', "Let only one node send 'base_link'"),
-                at=-100.0)]),
     Situation('two nodes send a static transform of one frame', World([
         Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
         Sender('/a', ['arm camera'], 0, '/tf_static', begin=-8.0),
@@ -266,7 +405,7 @@ THOUGHT_OF = [
         [Lookup('odom', 'map', [], ('5.0 s ago',), at=0.5, not_words=['Start /amcl'])]),
     Situation('all have been refused for 3 s', World([
         DRIVER, Sender('/imu', ['base_link imu'], end=-3.0),
-        Sender('/imu', ['base_link imu'], begin=-2.9, pose=(0.0,) * 7)]),
+        Sender('/imu', ['base_link imu'], begin=-2.9, pose=lambda _: (0.0,) * 7)]),
         [Lookup('odom', 'imu', ['unnormalized'], ('59 transforms of',), at=0.0)]),
     Situation('a node repeats its last stamp', World([
         SLAM._replace(stamp=lambda time: min(time, NOW - 5 * S)), DRIVER]),
@@ -389,7 +528,7 @@ WELL = [
         Robot('/robot_description', '', 'world', ['world', 'drone'], floating={'drone'})]}),
     ('joint states of another robot', [*robot('robot1')], {
         'joint_states': {'/robot2/joint_states': ['/robot2/driver']}}),
-    ('a simulation', *simulated(1.0)),
+    ('2.1 a simulation', *simulated(1.0)),
     ('a simulation that has just begun', *simulated(1.0, 4.0)),
     ('a slow simulation', *simulated(0.3, rate=10.0)),
     ('a bag at 0.1 of its speed', *simulated(0.1, 1000.0)),
@@ -404,6 +543,9 @@ UNLUCKY = [
         Sender('/calibration', ['arm camera'], 0, '/tf_static', begin=-8.0),
         Sender('/calibration', ['table camera'], 0, '/tf_static', begin=-7.0)]),
         [Lookup('base', 'camera', [])]),
+    Situation('2.18 a program of another user', World([Sender('unknown publisher')]),
+              [Lookup('odom', 'base_link', [], (
+                  'Nothing has arrived yet from unknown publisher.',))]),
     Situation('a typo beside other faults', World([
         DRIVER, LASER, Sender('/viz', ['map m'], lacks='reliable'), Sender('/x', type='A')]),
         [Lookup('odom', 'lasr', [], ("'laser'",))]),
@@ -444,3 +586,62 @@ HEALTHY = [
         [Lookup('table', 'cup', None), Lookup('world', 'cup', ['too_soon'], at=0.02)]),
     *(Situation(name, World(senders, **world), []) for name, senders, world in WELL),
 ]
+
+#: By row that is not here: the test of what it says.
+ELSEWHERE = {
+    '1.1': 'ros/test_point_cloud2.py::test_points_of_any_layout',
+    '1.2': 'unit/test_transform_buffer.py::test_clear_forgets_what_moves',
+    '1.3': 'unit/test_tf2_answers.py::test_answers_as_tf2',
+    '1.4': 'ros/test_wrong_types.py::test_a_duration_as_the_time',
+    '1.5': 'unit/test_tree_properties.py::test_both_signs_of_a_quaternion_are_the_same',
+    '1.6': 'unit/test_tf_transformations.py::test_rotation',
+    '1.7': 'ros/test_geometry.py::test_a_pose_with_covariance',
+    '1.8': 'ros/test_wrong_types.py::test_a_type_that_no_function_transforms',
+    '1.9': 'commands/test_static_transform_publisher.py::test_new_style',
+    '1.10': 'commands/test_tf2_echo.py::test_the_rate',
+    '1.13': 'ros/test_buffer.py::test_a_clock_that_jumps_back_clears_the_buffer',
+    '1.15': 'commands/test_robot_state_publisher.py::test_a_late_state_after_a_reset_of_the_clock',
+    '1.16': 'unit/test_robot_transforms.py::test_a_publisher_whose_clock_jumps_ahead_is_believed',
+    '1.19': 'ros/test_message_filter.py::test_over_dds_while_the_listener_inserts',
+    '1.20': 'long/test_transform_listener.py::test_every_order_of_ending',
+    '1.21': 'ros/test_transform_listener.py::test_a_lookup_waits_inside_a_callback',
+    '1.23': 'ros/test_message_filter.py::test_it_ends',
+    '1.25': 'unit/test_tf_trajectory.py::test_a_static_pose_at_the_stamps_of_a_topic',
+    '1.26': 'unit/test_bag.py::test_a_bag_without_tf',
+    '1.27': 'unit/test_transform_buffer.py::test_the_yaml_of_odd_names_can_be_read',
+    '1.31': 'commands/test_robot_state_publisher.py::test_the_command_that_an_error_names_works',
+    '1.32': 'commands/test_robot_state_publisher.py::test_arguments_and_parameters',
+    '1.33': 'ros/test_wrong_types.py::test_a_field_of_a_wrong_type',
+    '1.34': 'ros/test_wrong_types.py::test_a_transform_of_rosbags',
+    '1.35': 'ros/test_buffer.py::test_an_abandoned_wait_leaves_nothing_behind',
+    '1.37': 'commands/test_tf2_monitor.py::test_late_transforms',
+    '1.39': 'unit/test_doctor.py::test_the_ends_of_the_data_can_be_typed',
+    '1.41': 'unit/test_explanations.py::test_a_time_in_seconds_is_told',
+    '1.42': 'unit/test_transform_buffer.py::test_large_coordinates',
+    '2.16': 'unit/test_robot_transforms.py::test_answers_are_those_of_the_real_one',
+    '2.20': 'unit/test_doctor.py::test_cases',
+    '2.34': 'ros/test_transform_listener.py::test_a_listener_that_nobody_holds_goes_on',
+    '2.37': 'ros/test_buffer.py::test_a_clock_that_jumps_back_clears_the_buffer',
+    '2.38': 'ros/test_transform_listener.py::test_async_waits_end_while_the_node_is_spun',
+    '2.39': 'ros/test_contexts.py::test_two_contexts',
+    '2.40': 'ros/test_transform_broadcaster.py::test_statics_accumulate',
+    '2.41': 'unit/test_tree_properties.py::test_answers_as_the_model',
+    '2.42': 'unit/test_transform.py::test_composition_is_associative',
+    '2.43': 'commands/test_static_transform_publisher.py::test_old_style',
+    '2.44': 'unit/test_bag.py::test_publishers_of_ros1',
+}
+#: By code: the test in which a remedy, or another one of its remedies, is executed.
+REMEDIES = {
+    'cleared': 'unit/test_transform_buffer.py::test_waits_for_data_from_another_thread',
+    'executor_blocked':
+        'ros/test_hints.py::test_a_lookup_that_blocks_the_broadcaster_of_its_node',
+    'half_namespace': 'commands/test_tf_doctor.py::test_the_remedy_for_half_a_namespace',
+    'incompatible_qos': 'ros/test_hints.py::test_a_best_effort_publisher',
+    'many_publishers': 'commands/test_tf_doctor.py::test_a_healthy_arm',
+    'missing_part': 'unit/test_doctor.py::test_a_missing_part',
+    'time_goes_back': 'unit/test_explanations.py::test_refused_transforms_after_a_reset',
+    'time_in_seconds': 'unit/test_transform_buffer.py::test_the_hint_of_an_error',
+    'time_is_duration': 'ros/test_buffer.py::test_a_lookup_waits_for_the_data',
+    'too_many_samples': 'unit/test_limits.py::test_no_limit_of_samples',
+    'too_soon': 'unit/test_transform_buffer.py::test_waits_for_data_from_another_thread',
+}

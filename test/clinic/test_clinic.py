@@ -4,7 +4,7 @@ import re
 
 from environment import ROOT
 import pytest
-from situations import FAULTY, HEALTHY, THOUGHT_OF, UNLUCKY
+from situations import ELSEWHERE, FAULTY, HEALTHY, REMEDIES, THOUGHT_OF, UNLUCKY
 
 from puretf._causes.facts import CLEARED, Edge, Facts, Frames, MISSING, PAST, Surroundings
 from puretf._causes.lookups import RULES
@@ -12,8 +12,9 @@ from puretf._causes.rules import causes
 from puretf_tools.doctor import examine
 from puretf_tools.doctor.checks import CHECKS, INFO
 
+ALL = FAULTY + HEALTHY + THOUGHT_OF + UNLUCKY
 CASES = [pytest.param(situation.world, lookup, id=f'{situation.name}: {i}')
-         for situation in FAULTY + HEALTHY + THOUGHT_OF + UNLUCKY
+         for situation in ALL
          for i, lookup in enumerate(situation.lookups)]
 
 
@@ -34,6 +35,16 @@ def test_an_error_has_its_cause(world, lookup):
     assert len(words) <= 60, text
 
 
+def causes_of(situation):
+    """Return the codes in the errors of the lookups."""
+    return {code for lookup in situation.lookups for code in lookup.causes or ()}
+
+
+def finds(situation):
+    """Return the codes of what `tf_doctor` should find."""
+    return causes_of(situation) & CHECKS.keys() if situation.finds is None else {*situation.finds}
+
+
 def findings(situation):
     """Return by code what `tf_doctor` finds."""
     return {each.code: each for each in examine(situation.world.observation()).findings}
@@ -42,10 +53,21 @@ def findings(situation):
 @pytest.mark.parametrize('situation', FAULTY, ids=lambda each: each.name)
 def test_the_doctor_finds_the_cause(situation):
     """It finds the cause that errors name, or what the situation says, and nothing else."""
-    found = findings(situation)
-    known = {code for lookup in situation.lookups for code in lookup.causes or ()}
-    assert found.keys() == (known & CHECKS.keys() if situation.finds is None else {
-        *situation.finds})
+    assert findings(situation).keys() == finds(situation)
+
+
+@pytest.mark.parametrize(('situation', 'changes'), [
+    pytest.param(each, changes, id=f'{each.name}: {i}')
+    for each in FAULTY for i, changes in enumerate(each.after)])
+def test_after_the_remedy(situation, changes):
+    """All is well: lookups have no error, and `tf_doctor` has nothing but facts."""
+    world, *lookups = (each._replace(**{
+        name: value for name, value in changes.items() if name in each._fields})
+        for each in (situation.world, *situation.lookups))
+    assert [*map(world.error_of, lookups)] == [None] * len(lookups)
+    found = findings(situation._replace(world=world))
+    assert found.keys().isdisjoint(finds(situation))
+    assert [each for each in found.values() if each.severity != INFO] == []
 
 
 @pytest.mark.parametrize('situation', HEALTHY, ids=lambda each: each.name)
@@ -81,9 +103,31 @@ def test_facts_have_a_cause(facts, code):
 
 def test_each_rule_is_reached():
     """By a situation of these."""
-    reached = {code for situation in FAULTY + THOUGHT_OF for lookup in situation.lookups
-               for code in lookup.causes or ()}
+    reached = {code for each in FAULTY + THOUGHT_OF for code in causes_of(each)}
     assert reached | {code for _, code in DIRECT} == RULES.keys()
+
+
+def test_each_row_has_a_test():
+    """The names of situations begin with the rows of the logs, which have 42 and 46."""
+    here = {row for each in ALL for rows in re.findall(r'^(?:[12][.]\d+,? )+', each.name)
+            for row in rows.replace(',', '').split()}
+    rows = {f'{log}.{i + 1}' for log, count in ((1, 42), (2, 46)) for i in range(count)}
+    assert here | ELSEWHERE.keys() == rows
+    assert here.isdisjoint(ELSEWHERE)
+
+
+def test_the_tests_that_are_named_exist():
+    """Each is a function in its file."""
+    tests = [each.split('::') for each in (*ELSEWHERE.values(), *REMEDIES.values())]
+    assert [test for file, test in tests
+            if f'\ndef {test}(' not in (ROOT / 'test' / file).read_text()] == []
+
+
+def test_each_remedy_is_executed():
+    """By a situation, or by another test."""
+    executed = {code for each in FAULTY if each.after for code in causes_of(each) | finds(each)}
+    assert executed | REMEDIES.keys() == {
+        code for rules in (RULES, CHECKS) for code, rule in rules.items() if rule.remedy}
 
 
 def test_only_remedies_tell_what_to_do():

@@ -11,6 +11,7 @@ from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Pose, Row
 from puretf._wire import cdr
+from puretf._wire.message_reader import MessageReader
 from puretf.bag import Headers
 from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.tf_statistics import Statistics
@@ -25,6 +26,19 @@ TF = 'tf2_msgs/msg/TFMessage'
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 
 
+class Message(NamedTuple):
+    """A message of TF that has arrived."""
+
+    time: int
+    publisher: str
+    is_static: bool
+    data: bytes
+    encoding: Any = cdr
+
+    def rows(self) -> list[Row]:
+        return cdr.unpack(self.data)
+
+
 class Sender(NamedTuple):
     """A publisher of transforms; times are in s, and count from now."""
 
@@ -35,8 +49,9 @@ class Sender(NamedTuple):
     offset: float = 0.0  #: of the stamps from the time at which they are sent
     begin: float = -20.0
     end: float = 0.0
-    stamp: Optional[Callable[[int], int]] = None  #: converts a stamp (ns)
-    pose: Pose = STILL
+    stamp: Callable[[int], int] = lambda stamp: stamp  #: converts a stamp (ns)
+    nanosec: Callable[[int], int] = lambda stamp: stamp % S  #: the field of a stamp (ns)
+    pose: Callable[[int], Pose] = lambda number: STILL  #: by message
     type: str = TF
     lacks: str = ''  #: as `Publisher.lacks`; then nothing arrives
     has_ended: bool = False
@@ -48,18 +63,18 @@ class Sender(NamedTuple):
     def is_static(self) -> bool:
         return self.topic.endswith('_static')
 
-    def messages(self) -> list[tuple[int, int]]:
-        """Return when messages arrive, and their stamps (ns)."""
-        if not self.edges:
-            return []
+    def messages(self, publisher: str) -> list[Message]:
+        """Return what arrives."""
         count = round((self.end - self.begin) * self.rate) + 1 if self.rate else 1
         found = []
-        for i in range(count):
+        for i in range(count) if self.edges else ():
             time = NOW + round((self.begin + (i / self.rate if self.rate else 0.0)) * S)
-            stamp = time + round(self.offset * S)
+            stamp = self.stamp(time + round(self.offset * S))
             if not self.is_lost(i):
-                found.append((time + round(self.takes(i) * S),
-                              self.stamp(stamp) if self.stamp else stamp))
+                found.append(Message(
+                    time + round(self.takes(i) * S), publisher, self.is_static, cdr.pack_fields(
+                        (stamp // S, self.nanosec(stamp), parent, child, self.pose(i))
+                        for parent, child in (edge.split(' ') for edge in self.edges))))
         return found
 
 
@@ -73,6 +88,7 @@ class Sensor(NamedTuple):
     offset: float = 0.0
     begin: float = -20.0
     takes: float = 0.02  #: from the stamp to the arrival (s)
+    stamp: Callable[[int], int] = lambda stamp: stamp
 
     def headers(self, clock: Callable[[int], int]) -> Headers:
         found = Headers()
@@ -80,25 +96,8 @@ class Sensor(NamedTuple):
             time = NOW + round((self.begin + i / self.rate) * S)
             found.wants_next()
             found.add(time + round(self.takes * S), header_of(
-                clock(time) + round(self.offset * S), self.frame))
+                self.stamp(clock(time) + round(self.offset * S)), self.frame))
         return found
-
-
-class Message(NamedTuple):
-    """A message of TF that has arrived."""
-
-    time: int
-    publisher: str
-    is_static: bool
-    content: list[Row]
-    encoding: Any = cdr
-
-    @property
-    def data(self) -> bytes:
-        return cdr.pack(self.content)
-
-    def rows(self) -> list[Row]:
-        return self.content
 
 
 class Lookup(NamedTuple):
@@ -111,6 +110,14 @@ class Lookup(NamedTuple):
     at: Optional[float] = None  #: the time, from now on (s); None: the latest one
     waited: float = 0.0  #: the timeout of the lookup (s)
     not_words: Sequence[str] = ()
+
+
+def joints(node: str) -> feeds.Sender:
+    """Return a node that sends the joint turn."""
+    sender = feeds.Sender(node)
+    for time in NOW - 20 * S, NOW:
+        sender.add(time, time, ['turn'])
+    return sender
 
 
 class World(NamedTuple):
@@ -131,26 +138,30 @@ class World(NamedTuple):
     robots: Sequence[Robot] = ()
     use_sim_time: Mapping[str, bool] = {}  #: by node
     speed: float = 1.0  #: of the time on /clock
+    clock_rate: float = 20.0  #: of /clock (Hz)
+    cache_time: int = 10 * S
 
-    def buffer(self, monotonic: Callable[[], int], cache_time: int = 10 * S) -> TransformBuffer:
+    def messages(self) -> list[Message]:
+        """Return what arrives at a listener, in order."""
+        return sorted((message for number, each in enumerate(self.senders)
+                       if each.topic in self.topics and each.type == TF and not each.lacks
+                       for message in each.messages(str(number)) if message.time <= NOW),
+                      key=lambda each: each.time)
+
+    def buffer(self, monotonic: Callable[[], int]) -> TransformBuffer:
         """Return the buffer of a program that has received what was sent."""
-        buffer = TransformBuffer(cache_time)
-        engine = engine_of(buffer)
+        buffer = TransformBuffer(self.cache_time)
+        engine, reader = engine_of(buffer), MessageReader(print)
         engine.tree.needs_listener = True
-        arrivals = sorted((time, number, stamp) for number, sender in enumerate(self.senders)
-                          if sender.topic in self.topics and sender.type == TF
-                          and not sender.lacks for time, stamp in sender.messages())
-        for time, number, stamp in arrivals if self.has_listener else ():
-            sender = self.senders[number]
-            monotonic.return_value = time  # type: ignore[attr-defined]
-            for edge in sender.edges:
-                parent, child = edge.split(' ')
-                buffer.insert(stamp, parent, child, sender.pose, str(number) if self.has_gids else
-                              'default_authority', sender.is_static)
-        monotonic.return_value = NOW  # type: ignore[attr-defined]
         if self.has_listener:
-            engine.look = lambda: self.surroundings(bool(arrivals))
+            messages = self.messages()
+            for each in messages:
+                monotonic.return_value = each.time  # type: ignore[attr-defined]
+                engine.insert_batches(reader.read([each.data], each.publisher if self.has_gids else
+                                                  'default_authority', each.is_static))
+            engine.look = lambda: self.surroundings(bool(messages))
             engine.find_blocked = lambda: self.blocked
+        monotonic.return_value = NOW  # type: ignore[attr-defined]
         return buffer
 
     def time(self, arrival: int) -> int:
@@ -162,25 +173,19 @@ class World(NamedTuple):
         """Return what `tf_doctor` observes."""
         clock = StampClock(lambda: NOW)
         clock.is_simulated = self.clock is not None
-        for i in range(-400, 1) if self.clock else ():
-            clock.add(NOW + i * S // 20, self.time(NOW + i * S // 20))
+        ticks = [NOW - round(i / self.clock_rate * S) for i in range(round(20 * self.clock_rate))]
+        for time in ticks[::-1] if self.clock else ():
+            clock.add(time, self.time(time))
         statistics = Statistics(clock=clock)
-        others: list[Heard] = []
-        messages: list[Message] = []
-        for number, sender in enumerate(self.senders):
-            edges = [edge.split(' ') for edge in sender.edges]
-            if edges and sender.topic not in self.topics:
-                others.append(Heard(
-                    sender.topic, str(number), [sender.node], dict(each[::-1] for each in edges)))
-            elif sender.type == TF and not sender.lacks:
-                messages += (Message(time, str(number), sender.is_static, [
-                    Row(stamp, parent, child, sender.pose) for parent, child in edges])
-                    for time, stamp in sender.messages())
-        statistics.add_messages(sorted(messages, key=lambda message: message.time))
+        statistics.add_messages(self.messages())
+        others = [Heard(each.topic, str(number), [each.node],
+                        dict(edge.split(' ')[::-1] for edge in each.edges))
+                  for number, each in enumerate(self.senders)
+                  if each.edges and each.topic not in self.topics]
         nodes = {str(i): each.node for i, each in enumerate(self.senders)}
         clocks = [feeds.Sender(node) for node in self.clock_nodes]
         for each in clocks:
-            for time in NOW - 20 * S, NOW:
+            for time in ticks[::-1]:
                 each.add(time, self.time(time))
         static, dynamic = self.topics
         around = self.surroundings(statistics.count > 0)
@@ -190,7 +195,11 @@ class World(NamedTuple):
             headers={each.topic: each.headers(self.time) for each in self.sensors},
             senders={each.topic: [each.node] for each in self.sensors},
             volatile_listeners=[self.node] * self.is_volatile,
-            robots=self.robots, clocks=clocks, use_sim_time=self.use_sim_time,
+            robots=self.robots, joint_senders={
+                topic: [joints(node) for node in nodes]
+                for topic, nodes in self.joint_states.items()},
+            clocks=clocks, clock_stands=0.0 if self.speed else 20.0, clock_nodes=self.clock_nodes,
+            use_sim_time=self.use_sim_time,
             other_transforms=others, around=around,
             end=self.time(NOW), stamp_clock=clock, ahead={
                 gid: 0 for gid, each in zip(nodes, self.senders) if 0.1 < each.offset <= 1.0},
@@ -215,11 +224,11 @@ class World(NamedTuple):
             {each.node: each.waits_for for _, each in present if each.waits_for},
             self.joint_states, 7, node=self.node)
 
-    def error_of(self, lookup: Lookup, cache_time: int = 10 * S) -> Optional[TransformException]:
+    def error_of(self, lookup: Lookup) -> Optional[TransformException]:
         """Return the error of a lookup, whose text was read; None: there is none."""
         with patch('puretf._core.failures.monotonic_ns') as monotonic, patch(
                 'puretf._core.insertion.monotonic_ns', monotonic):
-            buffer = self.buffer(monotonic, cache_time)
+            buffer = self.buffer(monotonic)
             now = 0 if self.clock is None else round(self.clock * S) - NOW
             time = 0 if lookup.at is None else NOW + now + round(lookup.at * S)
             try:

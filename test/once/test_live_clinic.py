@@ -3,6 +3,7 @@
 from time import monotonic, sleep, time_ns
 from typing import Any
 
+from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import TransformStamped
 from processes import TIMEOUT
 import pytest
@@ -14,9 +15,11 @@ from situations import FAULTY, HEALTHY
 from world import S, Sender
 
 from puretf import Buffer, TFMessage, TransformException, TransformListener
+from puretf.publisher_listener import PublisherListener
 
 #: Within a participant, a topic cannot have two types.
 TYPES: dict[str, Any] = {'tf2_msgs/msg/TFMessage': TFMessage}
+AS_IT_IS = Sender._field_defaults['stamp']
 
 
 def is_live(situation):
@@ -24,7 +27,8 @@ def is_live(situation):
     world = situation.world
     return (bool(situation.lookups) and world.clock is None and world.has_listener
             and not world.is_new and not world.blocked and not world.is_volatile and not any(
-                sender.has_ended or sender.end < 0.0 or sender.stamp or sender.type not in TYPES
+                sender.has_ended or sender.end < 0.0 or sender.stamp is not AS_IT_IS
+                or sender.type not in TYPES
                 for sender in world.senders)
             and not any(lookup.waited or 'cache_too_short' in (lookup.causes or ())
                         for lookup in situation.lookups))
@@ -39,9 +43,10 @@ def message(sender: Sender, now: int) -> TFMessage:
     for edge in sender.edges:
         transform = TransformStamped()
         transform.header.frame_id, transform.child_frame_id = edge.split(' ')
-        transform.header.stamp = Time(nanoseconds=now + round(sender.offset * S)).to_msg()
-        for part, fields, values in ((transform.transform.translation, 'xyz', sender.pose),
-                                     (transform.transform.rotation, 'xyzw', sender.pose[3:])):
+        stamp, pose = now + round(sender.offset * S), sender.pose(0)
+        transform.header.stamp = TimeMessage(sec=stamp // S, nanosec=sender.nanosec(stamp))
+        for part, fields, values in ((transform.transform.translation, 'xyz', pose),
+                                     (transform.transform.rotation, 'xyzw', pose[3:])):
             for field, value in zip(fields, values):
                 setattr(part, field, value)
         transforms.append(transform)
@@ -81,7 +86,7 @@ def test_a_situation(ros, make_node, monkeypatch, situation):
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     node = make_node('laptop', is_spun=True)
     buffer = Buffer(node=node)
-    listener = TransformListener(buffer, node)
+    listener = (PublisherListener if situation.world.has_gids else TransformListener)(buffer, node)
 
     def causes(lookup):
         time = 0 if lookup.at is None else time_ns() + round(lookup.at * S)

@@ -285,7 +285,7 @@ def test_publishers_of_ros1(tmp_path):
 
     content = [message(i, f'/node_{i % 3}', f'frame_{i % 3}') for i in range(300)]
     content += [message(300 + i, f'/node_{i % 2}', 'fixed', True, i) for i in range(5)]
-    content += [('/tf', 100 * S + 400, bags.ros1([bags.row(100 * S, 'map', 'old')]),
+    content += [('/tf', 100 * S + 400, bags.ros1([bags.row(100 * S, '/map', '/old')]),
                  'tf/msg/tfMessage', '/old_node')]
     buffer = read(bags.make(tmp_path, 'bag', content))
     assert [(frame.name, frame.authority, frame.length) for frame in buffer.frames()] == [

@@ -343,7 +343,8 @@ CASES = {
     'a scan with microseconds in nanosec': (
         [*robot(150), *(('/scan', at(i), bags.point('laser', at(i) // S * S + at(i) % S // 1000),
                          POINT) for i in range(150))], {'nanosec'}),
-    'a lidar on TAI': ([*robot(300), *scans(count=200, shift=37 * S)], {'message_other_clock'}),
+    **{f'a lidar {shift} s off': ([*robot(300), *scans(count=200, shift=shift * S)], {
+        'message_other_clock'}) for shift in (37, -37, 28_800)},
     'a huge quaternion': (
         with_pose(robot(), 7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e200)), {'unnormalized'}),
 }

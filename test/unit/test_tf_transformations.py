@@ -135,6 +135,9 @@ def test_rotation():
         matrix = tft.rotation_matrix(angle, direction, point)
         assert same(matrix @ (*point, 1), (*point, 1))
         assert same(tft.rotation_matrix(*tft.rotation_from_matrix(matrix.tolist())), matrix)
+    for angle in 1e-9, 1e-5, 3.14159:
+        found, axis, _ = tft.rotation_from_matrix(tft.rotation_matrix(angle, [0.6, 0, 0.8]))
+        assert found * axis == pytest.approx([0.6 * angle, 0, 0.8 * angle], abs=1e-6 * angle)
 
 
 def test_reflection():
