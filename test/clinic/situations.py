@@ -389,6 +389,42 @@ FAULTY = [
 
 #: Lookups that engineers thought of who had not seen the rules.
 THOUGHT_OF = [
+    Situation('an old transform after a reset', World(
+        [Sender('/gz', ['odom base_link'], 50.0, begin=-4.9, stamp=lambda time: 300 * S if (
+            time == NOW - 49 * S // 10) else time - NOW + 5 * S), LASER],
+        clock_nodes=['/gz'], clock=5.0, has_gids=True),
+        [Lookup('odom', 'laser', ['time_goes_back'], ('245 transforms',), at=-0.1)]),
+    Situation('another parent, whose name is similar', World(
+        [DRIVER._replace(end=-0.02), LASER, Sender('/vision', ['vodom base_link'])]),
+        [Lookup('odom', 'laser', ['changing_parent'])]),
+    Situation('two maps', World([DRIVER, Sender('/x', ['mapA mapB'])]),
+              [Lookup('odom', 'mapB')]),
+    *(Situation(f'{unit} as nanoseconds', World(
+        [DRIVER._replace(stamp=ns.__rfloordiv__)]),
+        [Lookup('odom', 'base_link', ['other_clock'], (f'{unit} as nanoseconds',), at=0.0)])
+      for unit, ns in (('microseconds', 1000), ('milliseconds', 10**6), ('seconds', S))),
+    Situation('a slow simulation', World(
+        [DRIVER._replace(stamp=lambda time: (time - NOW) // 5 + 300 * S), Sender(
+            '/slam', ['map odom'], 0.2, begin=-18.0, end=-3.0,
+            stamp=lambda time: (time - NOW) // 5 + 300 * S)],
+        clock_nodes=['/gz'], clock=300.0, speed=0.2),
+        [Lookup('map', 'base_link', at=-0.02, not_words=['ahead'])]),
+    Situation('two fixes were missed', World(
+        [DRIVER, Sender('/navsat', ['utm odom'], 0.2, begin=-32.0, end=-12.0)]),
+        [Lookup('utm', 'base_link', [], ('12.0 s ago',), at=0.0)]),
+    Situation('the clock of this node keeps no frame away', World([DRIVER], clock=0.0),
+              [Lookup('map', 'base_link')]),
+    Situation('a best-effort publisher of another frame', World([
+        DRIVER, Sender('/wheels', ['base_link wheel'], lacks='reliable')]),
+        [Lookup('map', 'base_link'), Lookup('odom', 'wheel', ['incompatible_qos'])]),
+    Situation('a micro-controller has started again', World([DRIVER._replace(
+        stamp=lambda time: time - NOW + (900 if time < NOW - 6 * S else 6) * S), LASER]),
+        [Lookup('odom', 'laser', ['other_clock'], ('near 0',), at=0.0)]),
+    Situation('the map of another robot', World([DRIVER, LASER, *(
+        Sender('/r2', [edge], topic='/r2/tf') for edge in ('map odom', 'odom base_link'))]),
+        [Lookup('map', 'laser', ['half_namespace'], not_words=['To listen'])]),
+    Situation('only the suffix is the same', World([DRIVER, LASER]),
+              [Lookup('odom', 'tool_link', not_words=['Nearest'])]),
     Situation('two nodes send a static transform of one frame', World([
         Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
         Sender('/a', ['arm camera'], 0, '/tf_static', begin=-8.0),
