@@ -143,6 +143,7 @@ class Edge(NamedTuple):
     nanosec: int = 0  #: a `nanosec` of its stamps that is 10**9 or more; 0: there is none
     is_full: bool = False  #: True if samples were dropped since there were too many
     stalled: int = 0  #: from the arrival of the newest stamp to that of the last transform
+    spread: int = 0  #: by how much stamps minus arrivals have varied in the last seconds
 
     @property
     def period(self) -> int:

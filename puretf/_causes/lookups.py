@@ -574,7 +574,7 @@ def arrives(facts: Facts) -> bool:
        explains=('too_soon', 'cache_too_short', 'other_clock'))
 def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, now = facts.edge, facts.around.now
-    if not edge or not now or not arrives(facts) or _is_data_off(facts):
+    if not edge or not now or not arrives(facts) or not _is_in_time(facts):
         return
     offset = facts.time - now + round(facts.waited.seconds * SECOND if facts.waited else 0)
     if is_off(offset, facts.time, now) and (offset < 0 or (
@@ -589,9 +589,11 @@ def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
        explains=('too_soon', 'cache_too_short'))
 def _other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, around = facts.edge, facts.around
-    if edge and around.now and not around.is_simulated and arrives(facts) and (
-            _is_data_off(facts) and abs(facts.time - around.now) <= OTHER_CLOCK):
-        offset = data_offset(facts)
+    offset = data_offset(facts)
+    # A network that is late for a while delays some of the data, not all.
+    is_steady = abs(offset) > _LARGE or (edge is not None and edge.spread <= RECENT)
+    if edge and around.now and arrives(facts) and is_steady and not _is_in_time(facts) and (
+            abs(facts.time - around.now) <= OTHER_CLOCK):
         remedy = 'Correct the clock that stamps them: synchronise the computers.'
         yield Evidence(
             'The data are on another clock than that of this node: '
@@ -619,18 +621,16 @@ def data_offset(facts: Facts) -> int:
     edge, around = facts.edge, facts.around
     if not edge or not around.now or around.is_simulated:  # its rate is not that of `silence`
         return 0
-    stamp = edge.refused_stamp if edge.is_refusing else edge.latest
-    return stamp + edge.silence - around.now
+    return (edge.refused_stamp if edge.is_refusing else edge.latest + edge.stalled
+            ) + edge.silence - around.now
 
 
 #: Stamps may be so far (ns) behind the clock, since they are computed late, or ahead on purpose.
 _LATE, _ON_PURPOSE = 3 * SECOND, 5 * SECOND
 
 
-def _is_data_off(facts: Facts) -> bool:
-    edge = facts.edge
-    return bool(edge and (edge.stalled <= RECENT or edge.is_refusing)) and not (
-        -_LATE <= data_offset(facts) <= _ON_PURPOSE)
+def _is_in_time(facts: Facts) -> bool:
+    return -_LATE <= data_offset(facts) <= _ON_PURPOSE
 
 
 def _which_is_off(facts: Facts) -> str:
@@ -690,8 +690,7 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
     if not edge or not edge.has_dropped:
         return
     age = edge.latest - facts.time
-    if edge.cache_time < age <= LONGEST_CACHE and not (
-            facts.around.now and arrives(facts) and _is_data_off(facts)):
+    if edge.cache_time < age <= LONGEST_CACHE and _is_in_time(facts):
         remedy = f'pass cache_time={ceil(age / SECOND) + 1} s to the buffer, or look up sooner'
         yield Evidence(
             f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',

@@ -123,7 +123,8 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
         tree.cache_time, history.start > 0, history.authority,
         now - history.arrival, history.repeated, history.refused,
         history.refused_stamp, history.refused_authority, history.is_refusing,
-        tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance))
+        tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance,
+        max(history.offsets, default=0) - min(history.offsets, default=0)))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from puretf._core.pose import Columns, Pose, POSE_BYTES
 from puretf._core.slerp import interpolate_columns, NEAR
+from puretf._text.times import SECOND
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
 #: them.
@@ -79,7 +80,7 @@ class History:
     time (ns) at which it did (`advance`: that with the newest stamp), also if it was not inserted:
     `repeated` transforms were in the history already, and `refused` ones were too old.
     `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher, and
-    `refusal` its time of arrival.
+    `refusal` its time of arrival. `offsets` has some newest stamps minus their `advance`.
     """
 
     is_static = False
@@ -93,7 +94,8 @@ class History:
         self.only_parent = ''
         self.parents: Optional[list[str]] = None
         self.all_parents: dict[str, None] = {}
-        self.arrived = self.arrival = self.advance = self.repeated = 0
+        self.arrived = self.arrival = self.advance = self.repeated = self.next_offset = 0
+        self.offsets: tuple[int, ...] = ()
         self.is_full = False  #: True if samples were dropped since there were too many
         self.refused = self.refused_stamp = self.refusal = 0
         self.refused_authority = ''
@@ -105,6 +107,11 @@ class History:
     def latest(self) -> int:
         """The newest stamp (ns); 0 if there are no samples."""
         return self.stamps[-1] if self.stamps else 0
+
+    def note_offset(self) -> None:
+        """Add to `offsets`, which has one of each of the last eight seconds."""
+        self.next_offset = self.advance + SECOND
+        self.offsets = *self.offsets[-7:], self.latest - self.advance
 
     @property
     def is_refusing(self) -> bool:

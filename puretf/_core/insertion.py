@@ -90,6 +90,8 @@ class Insertion:
         history.arrival = monotonic_ns()
         if history.latest != before:
             history.advance = history.arrival
+            if history.arrival >= history.next_offset:
+                history.note_offset()
         if not is_accepted:
             history.refusal = history.arrival
             self.log.warn(child, texts.old_data(
@@ -148,6 +150,8 @@ class Insertion:
                             and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
                                                batch.authority)):
                         history.arrival = history.advance = now
+                        if now >= history.next_offset:
+                            history.note_offset()
                         self._room -= count
                         if self._room < 0 or (
                                 len(history.stamps) - history.start > self._max_samples_per_frame):

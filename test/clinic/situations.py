@@ -389,6 +389,9 @@ FAULTY = [
 
 #: Lookups that engineers thought of who had not seen the rules.
 THOUGHT_OF = [
+    Situation('the network has been late for 4 s', World(
+        [DRIVER._replace(rate=50.0, takes=lambda number: 4.0 * (number >= 800)), LASER]),
+        [Lookup('odom', 'laser', ['too_soon'], ('4.0 s behind',), at=0.0)]),
     Situation('an old transform after a reset', World(
         [Sender('/gz', ['odom base_link'], 50.0, begin=-4.9, stamp=lambda time: 300 * S if (
             time == NOW - 49 * S // 10) else time - NOW + 5 * S), LASER],
