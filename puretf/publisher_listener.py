@@ -12,10 +12,10 @@ from operator import attrgetter
 from typing import Any, NamedTuple, Optional
 
 from puretf._causes.explanation import explain_silence, why_not_received
-from puretf._causes.facts import Surroundings
+from puretf._causes.facts import Surroundings, UNKNOWN
 from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows
-from puretf._ros.graph import gid_of, node_of, nodes_on, UNKNOWN
+from puretf._ros.graph import gid_of, node_of, nodes_on
 from puretf._ros.other_topics import TransformSampler
 from puretf._ros.rclpy_private import is_given
 from puretf._ros.subscription import SubscriptionSource, taker, TopicSubscription

@@ -18,6 +18,8 @@ MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE, NONE = (
     'missing', 'unconnected', 'past', 'future', 'one_time', 'cleared', 'silence', 'none')
 #: Times that are farther apart (ns) are from two clocks.
 OTHER_CLOCK = 60 * SECOND
+#: The name of a publisher whose node is not known.
+UNKNOWN = 'unknown publisher'
 #: Data still arrive if this time (ns), or one and a half periods of the edge, is not over. Up to
 #: this time after the newest stamp, a transform is on its way.
 RECENT = SECOND
@@ -88,6 +90,8 @@ class Surroundings(NamedTuple):
     domain: int = 0  #: the ROS domain
     #: Returns a sentence on other ROS domains with processes of this machine; '' if there is none.
     other_domains: Callable[[], str] = str
+    #: Returns another user whose processes are in this domain, on this machine, with Fast DDS.
+    other_user: Callable[[], str] = str
     hides_others: str = ''  #: the environment variable that hides other machines, and its value
     node: str = ''  #: the full name of the listener's node
 

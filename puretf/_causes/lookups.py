@@ -18,6 +18,7 @@ from puretf._causes.facts import (
     RECENT,
     SILENCE,
     UNCONNECTED,
+    UNKNOWN,
 )
 from puretf._causes.rules import Evidence, registry, Rule
 from puretf._text.names import (
@@ -461,7 +462,8 @@ def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
         # An arm that moves may listen to positions to be set.
         if topic != '/clock' and not facts.has_near_name and not (
                 facts.symptom == NONE and facts.has_sent(each.node)):
-            others = [name for name in facts.around.joint_states if name != topic]
+            others = [name for name, nodes in facts.around.joint_states.items()
+                      if name != topic and each.node not in nodes]
             where = (f'; joint states are on {_listed(others)} of '
                      f'{_listed(facts.around.joint_states[others[0]])}' if others else '')
             yield Evidence(
@@ -499,6 +501,19 @@ def _no_transforms(facts: Facts) -> Iterator[Evidence]:
     others = around.other_domains().strip(' .')
     yield Evidence(f'0 publishers on {" and ".join(around.topics[::-1])} were found in ROS domain '
                    f'{around.domain}{f". {others}" if others else ""}{hidden}')
+
+
+@_rule('other_user', 'Run all nodes as one user.', 'A frame does not exist',
+       symptoms=(SILENCE, MISSING), needs=('publishers',), is_costly=True,
+       explains=('no_transforms', 'silent_publisher'))
+def _other_user(facts: Facts) -> Iterator[Evidence]:
+    around = facts.around
+    nodes = {each.node for each in around.publishers or ()}
+    # The names of nodes are received by the way on which nothing arrives.
+    if nodes == {UNKNOWN} and not (around.has_data or around.is_new) and (
+            user := around.other_user()):
+        yield Evidence(f'{user} runs nodes in this domain on this computer, and Fast DDS shares '
+                       'no memory with other users', topics=around.topics[::-1])
 
 
 @_rule('silent_publisher', '', 'A frame does not exist', symptoms=_NOT_THERE,

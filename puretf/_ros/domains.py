@@ -4,6 +4,7 @@ from collections.abc import Collection
 from contextlib import suppress
 import os
 from pathlib import Path
+import sys
 
 from puretf._text.names import comma_list, shortened
 
@@ -60,6 +61,19 @@ def ros_domains(pids: Collection[int]) -> dict[int, int]:
             if domain >= 0 and offset >= 10 and offset % 2 == 0 and port + 1 in ports:
                 found[domain] = pid
     return found
+
+
+def other_user(domain: int) -> str:
+    """Return another user whose processes are in a domain, with the shared memory of Fast DDS."""
+    if sys.platform != 'win32':
+        from pwd import getpwuid
+        for path in Path('/dev/shm').glob('fastrtps_port[0-9]*'):
+            number = path.name.removeprefix('fastrtps_port')
+            with suppress(OSError, KeyError):  # it has just been removed; a user without a name
+                if number.isdigit() and (int(number) - FIRST_PORT) // PORTS == domain and (
+                        user := path.stat().st_uid) != os.geteuid():
+                    return getpwuid(user).pw_name
+    return ''
 
 
 def other_domains(own: int) -> str:

@@ -18,13 +18,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
-from puretf._ros.domains import other_domains
+from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings, UNKNOWN
+from puretf._ros.domains import other_domains, other_user
 from puretf._ros.rclpy_private import GID_SIZE
 from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
 
-#: The name of a publisher whose node is not known.
-UNKNOWN = 'unknown publisher'
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: By node: the child frames that its broadcasters of dynamic transforms have sent.
@@ -84,9 +82,11 @@ def surroundings(
         other_topics=[*dict.fromkeys(
             topic.removesuffix('_static') for topic in other_topics(node, topics))],
         listen=listen, waits_for={
-            node_of(info): topic for topic in unread
-            for info in node.get_subscriptions_info_by_topic(topic)}, joint_states=joint_states,
+            name: topic for topic in unread
+            for info in node.get_subscriptions_info_by_topic(topic)
+            if (name := node_of(info)) != UNKNOWN}, joint_states=joint_states,
         domain=domain, other_domains=partial(other_domains, domain),
+        other_user=partial(other_user, domain),
         hides_others=next((f'{name}={value}' for name, value in os.environ.items()
                            if (name, value.upper()) in _HIDE_OTHERS), ''),
         node=node.get_fully_qualified_name())

@@ -8,9 +8,9 @@ from time import monotonic, sleep
 
 from rclpy.node import Node
 
-from puretf._causes.facts import Heard
+from puretf._causes.facts import Heard, UNKNOWN
 from puretf._core.frames import is_too_long
-from puretf._ros.graph import gid_of, node_of, other_topics, UNKNOWN
+from puretf._ros.graph import gid_of, node_of, other_topics
 from puretf._ros.messages import TFMessage
 from puretf._ros.topic_watch import TopicWatch
 from puretf._text.names import TF_MESSAGE

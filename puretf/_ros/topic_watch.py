@@ -8,8 +8,9 @@ from typing import Any, Optional
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from puretf._causes.facts import UNKNOWN
 from puretf._core.pose import Row
-from puretf._ros.graph import gid_of, node_of, UNKNOWN
+from puretf._ros.graph import gid_of, node_of
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import taker
 from puretf._text.names import comma_list

@@ -200,6 +200,8 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
 
 _of_lookups('no_clock', 'Nodes use the time on /clock, and nothing publishes it: their time does '
             'not begin.', ERROR, 'listeners')
+_of_lookups('other_user', 'Another user runs nodes on this computer, and Fast DDS brings nothing '
+            'from one user to the other.', ERROR, 'listeners')
 _of_lookups('no_robot_state_publisher', 'Joint states have a publisher, but nothing publishes '
             'transforms.', ERROR, 'listeners')
 _of_lookups('wrong_type', 'Messages on /tf or /tf_static have another type than '

@@ -25,6 +25,18 @@ class Situation(NamedTuple):
     finds: Optional[Sequence[str]] = None
     #: What the remedies change, of which each is enough: fields of the world, and of the lookups.
     after: Sequence[Mapping[str, Any]] = ()
+    report: Sequence[str] = ()  #: texts in the report of `tf_doctor`
+
+    def healed(self) -> list['Situation']:
+        """Return the same after each of the remedies: lookups have no error."""
+        return [Situation(f'{self.name}, after remedy {i}', changed(self.world, changes), [
+            changed(lookup, {**changes, 'causes': None}) for lookup in self.lookups])
+            for i, changes in enumerate(self.after)]
+
+
+def changed(record: Any, changes: Mapping[str, Any]) -> Any:
+    """Return a NamedTuple with those of the changes that are its fields."""
+    return record._replace(**{name: changes[name] for name in changes if name in record._fields})
 
 
 SCAN_OF_LIDAR = 'the clock of this node'
@@ -53,7 +65,7 @@ def arm(**states: str) -> Robot:
 
 
 def clock_off(row: str, offset: float, *causes: str, words: Sequence[str] = (),
-              begin: float = LONG) -> Situation:
+              begin: float = LONG, report: Sequence[str] = ()) -> Situation:
     """Return a sensor whose stamps are off by some time (s), while all transforms are in time."""
     return Situation(
         f'{row}a sensor is {offset} s off, {-begin} s after the start',
@@ -62,17 +74,22 @@ def clock_off(row: str, offset: float, *causes: str, words: Sequence[str] = (),
         [Lookup('odom', 'laser', causes, words, at=offset,
                 not_words=('Skip', 'Set use_sim_time', 'publisher'))],
         finds=None if offset != -12.3 else ['message_too_old'] if begin == LONG else [],
-        after=[{'sensors': [Sensor(begin=begin)], 'at': 0.0}])
+        after=[{'sensors': [Sensor(begin=begin)], 'at': 0.0}], report=report)
 
 
 FAULTY = [
+    Situation('2.18 a program of another user', World(
+        [Sender('unknown publisher')], other_user='teacher'),
+        [Lookup('odom', 'base_link', ['other_user'], ('teacher runs nodes',))]),
     Situation('2.2 static and dynamic parent', World([
         Sender('/rsp', ['base_footprint base_link', 'base_link laser'], 0, '/tf_static'), DRIVER]),
         [Lookup('base_footprint', 'base_link', ['changing_parent'],
                 ("'base_link'", "'base_footprint' (static) by /rsp", "'odom' by /driver"),
                 not_words=['Publish a transform'])],
         after=[{'senders': [Sender('/rsp', ['base_footprint base_link'], 0, '/tf_static'),
-                            Sender('/driver', ['odom base_footprint'])]}]),
+                            Sender('/driver', ['odom base_footprint'])]}],
+        report=["'base_link' has 2 parents in 402 transforms: 'base_footprint' (static) by /rsp,",
+                "Let only one parent be published for 'base_link', by /driver or /rsp."]),
     Situation('2.3 the same, the other way round', World([
         Sender('/rsp', ['base_link base_footprint', 'base_link laser'], 0, '/tf_static'),
         Sender('/sim', ['odom base_footprint'])]),
@@ -104,13 +121,22 @@ FAULTY = [
     Situation('2.6 odom_combined', World([
         Sender('/controller', ['odom_combined base_link']), SLAM, LASER]),
         [Lookup('map', 'laser', ['part_prefix'], ("'odom_combined'", "'odom'"))], after=[ROBOT]),
-    Situation('2.7, 1.28 names that differ by case or a blank', World([
+    Situation('2.7, 1.28 names that differ by case', World([
         Sender('/controller', ['Odom base_link']), SLAM]),
         [Lookup('map', 'base_link', ['similar_name'], ('differ by case',))],
+        finds=['similar_name', 'several_trees'], after=[ROBOT],
+        report=['warning similar_name: Odom, odom',
+                "'Odom' is a root, and 'odom' is in another tree", 'info several_trees: Odom, map',
+                '2 trees, with the roots Odom, map']),
+    Situation('1.28 names that differ by a blank', World([
+        DRIVER._replace(edges=['odom base_link ']), LASER]),
+        [Lookup('odom', 'laser', ['similar_name'], ('differ by a blank at the end',))],
         finds=['similar_name', 'several_trees'], after=[ROBOT]),
     Situation('2.7 an empty namespace before a name', World([
         SLAM._replace(edges=['map /odom']), DRIVER._replace(edges=['/odom base_link'])]),
-        [Lookup('map', 'odom', None)], ['leading_slash'], [ROBOT]),
+        [Lookup('map', 'odom', None)], ['leading_slash'], [ROBOT],
+        report=['warning leading_slash: /odom',
+                '1 name begins with a slash in transforms: /odom.']),
     Situation('2.8 a localiser before its first pose', World([DRIVER, Sender('/amcl')]),
               [Lookup('map', 'base_link', ['silent_publisher'],
                       ('/amcl has a publisher on /tf', 'nothing arrives'))]),
@@ -121,7 +147,9 @@ FAULTY = [
     Situation('2.10 the same with a timer of the wall clock', World([
         Sender('/odom_node', ['odom base_link'], stamp=lambda _: 0, waits_for='/clock')]),
         [Lookup('odom', 'base_link', ['zero_stamp'], ('Set header.stamp',), at=-0.1)],
-        after=[AGAIN, {'senders': [SIM_DRIVER], **SIM}]),
+        after=[AGAIN, {'senders': [SIM_DRIVER], **SIM}],
+        report=['error zero_stamp: base_link',
+                '401 of 401 transforms of base_link with the stamp 0.']),
     Situation('2.11 a bag is played with a start offset', World([
         Sender('/rosbag2_player', ['odom base_link']),
         Sender('/rosbag2_player', topic='/tf_static')]),
@@ -140,14 +168,17 @@ FAULTY = [
                 ('/robot_state_publisher waits for /joint_states', '/robot1/joint_states',
                  '/driver', '-r /joint_states:=/robot1/joint_states'))],
         after=[{'senders': [LASER, Sender('/robot_state_publisher', ['base_link arm'])]}]),
-    *(clock_off(row, offset, 'message_other_clock', words=(word, SCAN_OF_LIDAR), begin=begin)
+    *(clock_off(row, offset, 'message_other_clock', words=(word, SCAN_OF_LIDAR), begin=begin,
+                report=['error message_other_clock: laser', word])
       for row, offset, word in (
           ('2.19 ', -37.0, 'TAI'), ('2.21 ', 37.0, 'TAI'), ('', 18.0, 'GPS'), ('', -18.1, 'GPS'),
           ('2.22 ', -28800.0, '8 hours'), ('', 7200.0, '2 hours'),
           ('2.25 ', -315_964_782.0, 'GPS epoch'), ('2.24 ', 1868.0 - NOW / S, 'power-on'))
       for begin in (-3.0, LONG)),
     clock_off('', 4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),
-    clock_off('', -12.3, 'cache_too_short', words=('cache_time=14 s',)),
+    clock_off('', -12.3, 'cache_too_short', words=('cache_time=14 s',), report=[
+        'error message_too_old: laser', 'too old: when they arrive, their transforms are up to',
+        'Send the messages sooner, or give the listener a cache_time of 14 s.']),
     clock_off('', -12.3, begin=-3.0, words=('No earlier transform was received',)),
     Situation('2.26 all nanoseconds in nanosec, cut to 32 bits', World([
         DRIVER._replace(nanosec=lambda stamp: stamp % 2**32)]),
@@ -156,13 +187,17 @@ FAULTY = [
         after=[AGAIN]),
     Situation('data ahead of the clock', World([DRIVER._replace(offset=30.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('30.0 s ahead of it',), at=0.0)],
-        finds=['future'], after=[AGAIN]),
+        finds=['future'], after=[AGAIN],
+        report=['warning future: base_link', 'the farthest is 30 s ahead (base_link)']),
     *(Situation(f'2.28 refused: {code}', World([DRIVER, Sender(
         '/imu', ['base_link tool'], pose=pose)], has_gids=True),
         [Lookup('odom', 'tool', [code], ("transforms of 'tool' from /imu were refused",))],
-        after=[{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}])
-      for code, pose in (('not_a_number', lambda _: (float('nan'), *STILL[1:])),
-                         ('unnormalized', lambda _: (0.0,) * 7))),
+        after=[{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}],
+        report=[f'error {code}: tool', f'401 of 401 transforms of tool with {what}'])
+      for code, pose, what in (
+          ('not_a_number', lambda _: (float('nan'), *STILL[1:]), 'NaN or an infinite number.'),
+          ('unnormalized', lambda _: (0.0,) * 7,
+           'a quaternion of a wrong norm; the worst norm is 0 (tool).'))),
     Situation('2.29 its own parent', World([DRIVER, Sender('/imu', ['tool tool'])]),
               [Lookup('odom', 'tool', ['loop'], ("transforms of 'tool'", 'own parent'))],
               ['loop', 'several_trees'],
@@ -195,7 +230,9 @@ FAULTY = [
               after=[AGAIN]),
     Situation('1.18 the clock of the robot is 5 s behind', World([DRIVER._replace(offset=-5.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('5.0 s behind it',), at=0.0)],
-              ['late'], [AGAIN]),
+              ['late'], [AGAIN],
+        report=['warning late: base_link',
+                'the mean delay of base_link is 5 s, the largest 5 s.']),
     Situation('1.17 the same, and a lookup at the present time', World([
         Sender('/rosbag2_player', ['odom base_link'], offset=-1e8)]),
         [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)],
@@ -216,12 +253,22 @@ FAULTY = [
     Situation('1.30 two nodes publish /clock', World(
         [DRIVER], clock=NOW / S, clock_nodes=['/a', '/b']),
         [Lookup('odom', 'base_link', ['two_clocks'], ('/a, /b',), at=0.5)],
-        after=[{'clock_nodes': ['/a'], 'at': 0.0}]),
+        after=[{'clock_nodes': ['/a'], 'at': 0.0}],
+        report=['/a and /b both publish /clock: 400 and 400 messages, with the last times ']),
     Situation('a simulation, and a node without use_sim_time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'],
                 ('the data are not', '/gazebo publishes /clock'), at=0.0)], finds=['other_clock'],
-        after=[SIM, {'senders': [DRIVER]}]),
+        after=[SIM, {'senders': [DRIVER]}],
+        report=['error other_clock: base_link',
+                'the last stamp of base_link is 100.000000000; stamps near 0 count from']),
+    Situation('a simulation, and a driver without use_sim_time', World(
+        [DRIVER], **SIM, use_sim_time={'/driver': False, '/nav': True}),
+        [Lookup('odom', 'base_link', ['use_sim_time_differs'], ('the data are not',), at=0.0)],
+        after=[{'senders': [SIM_DRIVER], 'use_sim_time': {'/driver': True, '/nav': True}},
+               {'clock': None, 'clock_nodes': (), 'use_sim_time': {'/driver': False}}],
+        report=['error use_sim_time_differs: /driver',
+                'false in /driver, and true in /nav, while /gazebo publishes /clock.']),
     Situation('a node with use_sim_time looks up the wall time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock=100.0, clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'], ('requested time is not',),
@@ -245,16 +292,21 @@ FAULTY = [
     Situation('a frame was sent once on /tf', World([DRIVER._replace(rate=0)]),
               [Lookup('odom', 'base_link', ['one_shot'], ('Only one has arrived, 20.0 s ago',),
                       at=0.0)], after=[AGAIN, {'senders': [DRIVER._replace(
-                          rate=0, topic='/tf_static')]}]),
+                          rate=0, topic='/tf_static')]}],
+        report=['warning one_shot: base_link', 'one transform of base_link in 20 s.']),
     Situation('a stamp that never advances', World([DRIVER._replace(stamp=lambda _: NOW), SLAM]),
               [Lookup('map', 'base_link', ['frozen_stamp'], ('have this stamp',), at=-0.5)],
-              after=[ROBOT, {'senders': [SLAM, DRIVER._replace(rate=0, topic='/tf_static')]}]),
+              after=[ROBOT, {'senders': [SLAM, DRIVER._replace(rate=0, topic='/tf_static')]}],
+        report=['error frozen_stamp: base_link',
+                'all 401 transforms of base_link have the stamp 1700000000.000000000.']),
     Situation('a wrong type', World([DRIVER._replace(type='geometry_msgs/msg/TransformStamped')]),
               [Lookup('odom', 'base_link', ['wrong_type'], ('/driver publishes geometry_msgs',))],
               after=[AGAIN]),
     Situation('2.29 an empty parent', World([DRIVER, Sender('/imu', [' tool'])]),
               [Lookup('odom', 'tool', ['empty_name'], ('the other name is empty',))],
-              after=[{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}]),
+              after=[{'senders': [DRIVER, Sender('/imu', ['base_link tool'])]}],
+        report=['warning empty_name: tool',
+                '401 transforms with an empty frame_id or child_frame_id; the other name is ']),
     Situation('a volatile listener', World([DRIVER], is_volatile=True),
               [Lookup('odom', 'laser', ['volatile_listener'], ('Omit static_qos',))],
               after=[{'is_volatile': False, **ROBOT}]),
@@ -323,9 +375,12 @@ FAULTY = [
               [Lookup('odom', 'base_link', [], (), at=-604_801.5, not_words=['cache_time'])]),
     Situation('2.30 /clock at 5 Hz', World(
         [SIM_DRIVER], **SIM, clock_rate=5.0), [Lookup('odom', 'base_link', None, at=-0.01)],
-        ['slow_clock'], [{'clock_rate': 100.0}]),
+        ['slow_clock'], [{'clock_rate': 100.0}],
+        report=['info slow_clock',
+                '/gazebo publishes /clock at 5.0 Hz: stamps are up to 0.2 s ahead of it.']),
     Situation('2.45 a slash in headers', World([DRIVER, LASER], sensors=[Sensor(frame='/laser')]),
-              [], ['leading_slash'], [{'sensors': [Sensor()]}]),
+              [], ['leading_slash'], [{'sensors': [Sensor()]}],
+        report=['warning leading_slash: /laser', "the headers on /scan name '/laser'."]),
     Situation('2.45 the same node is started twice', World([DRIVER, DRIVER]), [],
               ['two_publishers'], [AGAIN]),
     Situation('2.46 a localiser is 0.2 s late', World([
@@ -335,7 +390,9 @@ FAULTY = [
         [], [{'at': None}]),
     Situation('2.46 the scoped name of Gazebo in a scan', World(
         [DRIVER, LASER], sensors=[Sensor(frame='robot/base_link/laser')]), [],
-        ['unknown_frame'], [{'sensors': [Sensor()]}]),
+        ['unknown_frame'], [{'sensors': [Sensor()]}],
+        report=['error unknown_frame: robot/base_link/laser',
+                'is in the headers on /scan, but not among the 3 frames of the transforms. ']),
     Situation('1.14 one transform of the old run arrives after a reset', World([
         SIM_DRIVER._replace(begin=-4.0),
         Sender('/old', ['odom base_link'], 0, offset=145.0 - NOW / S, begin=-3.9)], **SIM),
@@ -344,7 +401,9 @@ FAULTY = [
     Situation('1.24 a calibration changes', World([DRIVER, Sender(
         '/calibration', ['base_link camera'], 1.0, '/tf_static', pose=moves)]),
         [Lookup('odom', 'camera', None)], ['static_changes'], [{'senders': [DRIVER, Sender(
-            '/calibration', ['base_link camera'], 1.0, pose=moves)]}]),
+            '/calibration', ['base_link camera'], 1.0, pose=moves)]}],
+        report=['info static_changes: camera',
+                '20 of 21 transforms of camera with another pose than the one before.']),
     Situation('1.29 joint_state_publisher beside the driver', World(
         [DRIVER, LASER, Sender('/rsp', ['base_link hand'], pose=lambda i: moves(i % 2 * 100))],
         joint_states={'/joint_states': ['/driver', '/gui']}, robots=[arm(turn='')]), [],
@@ -363,28 +422,41 @@ FAULTY = [
         [DRIVER, LASER, Sender('/lamp', ['world lamp'])],
         sensors=[Sensor(), Sensor('/lamp', '/light', 'lamp')]), [],
         ['disconnected', 'several_trees'], [{'senders': [
-            DRIVER, LASER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}]),
+            DRIVER, LASER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}],
+        report=['error disconnected: laser, lamp',
+                'frames of 2 trees: laser (root odom) on /scan; lamp (root world) on /light.']),
     Situation('a frame has stopped, and scans wait for it', World(
         [SLAM, DRIVER._replace(end=-8.0), LASER], sensors=[Sensor()]), [],
         ['gap', 'message_never'], [ROBOT]),
     Situation('scans wait for odometry', World(
         [DRIVER._replace(takes=lambda _: 0.3), LASER], sensors=[Sensor()]), [],
-        ['message_early'], [ROBOT]),
+        ['message_early'], [ROBOT],
+        report=['warning message_early: laser',
+                '198 of 198 messages on /scan can be transformed only after waiting for the ',
+                'edge odom -> base_link of /driver: 0.28 s (median), 0.28 s (95 %), 0.28 s ',
+                'timeout=Duration(seconds=0.3) in the lookup; queue of a filter: ',
+                'queue_size=3, ...)']),
     Situation('scans without a stamp', World(
         [DRIVER, LASER], sensors=[Sensor(stamp=lambda _: 0)]), [],
-        ['message_zero_stamp'], [{'sensors': [Sensor()]}]),
+        ['message_zero_stamp'], [{'sensors': [Sensor()]}],
+        report=['warning message_zero_stamp: laser',
+                '200 of 200 messages on /scan have the stamp 0.']),
     Situation('a wrong measurement', World([
         DRIVER._replace(pose=lambda i: moves(i + 900 * (i == 200)))]), [],
         ['jump'], [{'senders': [DRIVER._replace(pose=moves)]}]),
     Situation('several poses with one stamp', World([
         DRIVER._replace(pose=moves, stamp=lambda stamp: stamp // (S // 5) * (S // 5))]), [],
-        ['same_stamp'], [{'senders': [DRIVER._replace(pose=moves)]}]),
+        ['same_stamp'], [{'senders': [DRIVER._replace(pose=moves)]}],
+        report=['warning same_stamp: base_link',
+                '300 of 401 transforms of base_link with the stamp of the one before, and ']),
     Situation('a link that nobody sends', World([DRIVER], robots=[Robot(
         '/robot_description', '', 'base_link', ['base_link', 'laser'])]), [],
         ['link_without_transform'], [ROBOT]),
     Situation('a paused simulation', World(
         [SIM_DRIVER._replace(stamp=lambda _: 100 * S)], **SIM, speed=0.0), [],
-        ['clock_stands'], [{'senders': [SIM_DRIVER], 'speed': 1.0}]),
+        ['clock_stands'], [{'senders': [SIM_DRIVER], 'speed': 1.0}],
+        report=['warning clock_stands',
+                'the time on /clock of /gazebo has stood at 100.000000000 s for 20.0 s.']),
 ]
 
 #: Lookups that engineers thought of who had not seen the rules.
@@ -462,8 +534,6 @@ THOUGHT_OF = [
     Situation('poses that are computed late', World([
         Sender('/rtabmap', ['map odom'], 1.0, offset=-4.0), DRIVER]),
         [Lookup('map', 'base_link', ['other_clock'], ('If this is not on purpose',), at=0.0)]),
-    Situation('stamps that were never set', World([DRIVER._replace(stamp=lambda _: 0), SLAM]),
-              [Lookup('map', 'base_link', ['zero_stamp'], ('Set header.stamp',), at=-0.1)]),
     Situation('a simulation without /clock', World([
         DRIVER._replace(offset=100.0 - NOW / S), LASER]),
         [Lookup('odom', 'laser', ['other_clock'], ('If they are simulated, publish /clock',),
@@ -582,7 +652,7 @@ UNLUCKY = [
         Sender('/calibration', ['arm camera'], 0, '/tf_static', begin=-8.0),
         Sender('/calibration', ['table camera'], 0, '/tf_static', begin=-7.0)]),
         [Lookup('base', 'camera', [])]),
-    Situation('2.18 a program of another user', World([Sender('unknown publisher')]),
+    Situation('a program whose node is not known', World([Sender('unknown publisher')]),
               [Lookup('odom', 'base_link', [], (
                   'Nothing has arrived yet from unknown publisher.',))]),
     Situation('a typo beside other faults', World([
@@ -671,6 +741,7 @@ ELSEWHERE = {
 }
 #: By code: the test in which a remedy, or another one of its remedies, is executed.
 REMEDIES = {
+    'other_user': 'commands/test_tf_doctor.py::test_a_healthy_arm',
     'cleared': 'unit/test_transform_buffer.py::test_waits_for_data_from_another_thread',
     'executor_blocked':
         'ros/test_hints.py::test_a_lookup_that_blocks_the_broadcaster_of_its_node',

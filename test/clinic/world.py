@@ -63,6 +63,11 @@ class Sender(NamedTuple):
     def is_static(self) -> bool:
         return self.topic.endswith('_static')
 
+    @property
+    def parents(self) -> dict[str, str]:
+        """By child: the parent."""
+        return {child: parent for parent, _, child in (edge.partition(' ') for edge in self.edges)}
+
     def messages(self, publisher: str) -> list[Message]:
         """Return what arrives."""
         count = round((self.end - self.begin) * self.rate) + 1 if self.rate else 1
@@ -74,7 +79,7 @@ class Sender(NamedTuple):
                 found.append(Message(
                     time + round(self.takes(i) * S), publisher, self.is_static, cdr.pack_fields(
                         (stamp // S, self.nanosec(stamp), parent, child, self.pose(i))
-                        for parent, child in (edge.split(' ') for edge in self.edges))))
+                        for child, parent in self.parents.items())))
         return found
 
 
@@ -138,6 +143,7 @@ class World(NamedTuple):
     robots: Sequence[Robot] = ()
     use_sim_time: Mapping[str, bool] = {}  #: by node
     speed: float = 1.0  #: of the time on /clock
+    other_user: str = ''  #: with processes in this domain
     clock_rate: float = 20.0  #: of /clock (Hz)
     cache_time: int = 10 * S
 
@@ -178,8 +184,7 @@ class World(NamedTuple):
             clock.add(time, self.time(time))
         statistics = Statistics(clock=clock)
         statistics.add_messages(self.messages())
-        others = [Heard(each.topic, str(number), [each.node],
-                        dict(edge.split(' ')[::-1] for edge in each.edges))
+        others = [Heard(each.topic, str(number), [each.node], each.parents)
                   for number, each in enumerate(self.senders)
                   if each.edges and each.topic not in self.topics]
         nodes = {str(i): each.node for i, each in enumerate(self.senders)}
@@ -218,11 +223,10 @@ class World(NamedTuple):
             has_data, self.is_new,
             [*dict.fromkeys(each.topic.removesuffix('_static') for _, each in present
                             if each.topic not in self.topics)],
-            lambda: [Heard(each.topic, gid, [each.node], dict(
-                edge.split(' ')[::-1] for edge in each.edges)) for gid, each in present
-                if each.edges and each.type == TF and (each.is_static or each.end > -0.5)],
+            lambda: [Heard(each.topic, gid, [each.node], each.parents) for gid, each in present
+                     if each.edges and each.type == TF and (each.is_static or each.end > -0.5)],
             {each.node: each.waits_for for _, each in present if each.waits_for},
-            self.joint_states, 7, node=self.node)
+            self.joint_states, 7, node=self.node, other_user=lambda: self.other_user)
 
     def error_of(self, lookup: Lookup) -> Optional[TransformException]:
         """Return the error of a lookup, whose text was read; None: there is none."""

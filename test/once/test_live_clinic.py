@@ -1,9 +1,14 @@
-"""Situations of the clinic over real DDS: the same causes as with made-up arrivals."""
+"""Situations of the clinic over real DDS, also after their remedies: the same causes."""
 
+import json
+import os
+import signal
+from tempfile import TemporaryDirectory
 from time import monotonic, sleep, time_ns
 from typing import Any
 
 from builtin_interfaces.msg import Time as TimeMessage
+from cli_runner import call
 from geometry_msgs.msg import TransformStamped
 from processes import TIMEOUT
 import pytest
@@ -16,6 +21,7 @@ from world import S, Sender
 
 from puretf import Buffer, TFMessage, TransformException, TransformListener
 from puretf.publisher_listener import PublisherListener
+from puretf_tools.commands import tf_doctor
 
 #: Within a participant, a topic cannot have two types.
 TYPES: dict[str, Any] = {'tf2_msgs/msg/TFMessage': TFMessage}
@@ -26,7 +32,8 @@ def is_live(situation):
     """Return whether a situation arises within some seconds, in one process."""
     world = situation.world
     return (bool(situation.lookups) and world.clock is None and world.has_listener
-            and not world.is_new and not world.blocked and not world.is_volatile and not any(
+            and not (world.is_new or world.blocked or world.other_user or world.is_volatile)
+            and not any(
                 sender.has_ended or sender.end < 0.0 or sender.stamp is not AS_IT_IS
                 or sender.type not in TYPES
                 for sender in world.senders)
@@ -34,15 +41,16 @@ def is_live(situation):
                         for lookup in situation.lookups))
 
 
-LIVE = [situation for situation in FAULTY + HEALTHY if is_live(situation)]
+LIVE = [each for situation in FAULTY + HEALTHY for each in (situation, *situation.healed())
+        if is_live(each)]
 
 
 def message(sender: Sender, now: int) -> TFMessage:
     """Return the message that a sender sends now (ns)."""
     transforms = []
-    for edge in sender.edges:
-        transform = TransformStamped()
-        transform.header.frame_id, transform.child_frame_id = edge.split(' ')
+    for child, parent in sender.parents.items():
+        transform = TransformStamped(child_frame_id=child)
+        transform.header.frame_id = parent
         stamp, pose = now + round(sender.offset * S), sender.pose(0)
         transform.header.stamp = TimeMessage(sec=stamp // S, nanosec=sender.nanosec(stamp))
         for part, fields, values in ((transform.transform.translation, 'xyz', pose),
@@ -86,10 +94,13 @@ def test_a_situation(ros, make_node, monkeypatch, situation):
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     node = make_node('laptop', is_spun=True)
     buffer = Buffer(node=node)
-    listener = (PublisherListener if situation.world.has_gids else TransformListener)(buffer, node)
+    static, dynamic = situation.world.topics
+    listener = (PublisherListener if situation.world.has_gids else TransformListener)(
+        buffer, node, tf_topic=dynamic, tf_static_topic=static)
 
     def causes(lookup):
-        time = 0 if lookup.at is None else time_ns() + round(lookup.at * S)
+        time = 0 if lookup.at is None or lookup.causes is None else (
+            time_ns() + round(lookup.at * S))
         try:
             buffer.lookup_transform(lookup.target, lookup.source, Time(nanoseconds=time))
         except TransformException as error:
@@ -110,5 +121,27 @@ def test_a_situation(ros, make_node, monkeypatch, situation):
     listener.unregister()
 
 
-def test_thirty_are_live():
-    assert len(LIVE) >= 30
+#: Becomes another user, who may read the files of python, and starts a program.
+OTHER_USER = (
+    'import os, sys\n'
+    'ids, caps = "--reuid=65534 --regid=65534 --clear-groups", "+dac_read_search"\n'
+    'os.execvp("setpriv", ["setpriv", *ids.split(), "--inh-caps", caps, "--ambient-caps", caps, '
+    'sys.executable, *sys.argv[1:]])')
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can start programs of another user')
+def test_two_users_of_one_computer(start, domain_id):
+    """Nothing arrives from the other one, who is named."""
+    with TemporaryDirectory() as logs:  # those above tmp_path are closed to others
+        os.chmod(logs, 0o777)
+        arm = start('-c', OTHER_USER, '-m', 'dummy_arm.dummy_arm',
+                    environment={'ROS_LOG_DIR': logs})
+        arm.line_with('publishing')
+        result = call(tf_doctor.main, '--json', domain=domain_id)
+        arm.end(signal.SIGINT)
+    assert [each['code'] for each in json.loads(result.stdout)['findings']] == ['other_user']
+    assert 'nobody runs nodes' in result.stdout
+
+
+def test_a_hundred_are_live():
+    assert len(LIVE) >= 100

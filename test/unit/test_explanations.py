@@ -7,8 +7,6 @@ import pytest
 from puretf import TransformBuffer, TransformException
 from puretf._causes.facts import Surroundings
 from puretf._core.engine import engine_of
-from puretf._wire import cdr
-from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -106,14 +104,3 @@ def test_refused_transforms_after_a_reset(buffer, logs):
     buffer.clear()
     assert buffer.insert(T + 6 * S, 'map', 'base', STILL)
     assert buffer.lookup_transform('map', 'base', T + 6 * S)
-
-
-@pytest.mark.parametrize(('nanosec', 'causes'), [(10**9 - 1, ()), (2**32 - 1, ('nanosec',))])
-def test_nanoseconds_of_more_than_a_second(nanosec, causes):
-    """As of a driver that cuts all nanoseconds to 32 bits."""
-    reader, buffer = MessageReader(print), TransformBuffer()
-    engine_of(buffer).insert_batches(reader.read([cdr.pack_fields([
-        (second, nanosec, 'map', 'base', STILL)]) for second in range(5)], 'arm', False))
-    error = error_of(buffer, 20 * S)
-    assert error.causes == causes
-    assert (f'nanosec of its stamps is {nanosec}; it must be below' in str(error)) == bool(causes)
