@@ -14,7 +14,6 @@ from puretf._ros.graph import gid_of, node_of, other_topics
 from puretf._ros.messages import TFMessage
 from puretf._ros.topic_watch import TopicWatch
 from puretf._text.names import TF_MESSAGE
-from puretf._wire import cdr
 
 #: How long `Ear` listens, the time until it listens again, and between two looks (s).
 _DURATION, _PAUSE, _POLL_INTERVAL = 0.5, 5.0, 0.01
@@ -44,7 +43,7 @@ class TransformSampler:
             by_gid = self._parents[topic]
             for data, _ in self._watch.take(topic):
                 parents = by_gid.setdefault(data.publisher, {})
-                with suppress(cdr.MalformedMessage):
+                with suppress(ValueError):  # malformed
                     for row in data.rows():
                         parent, child = (name.removeprefix('/')
                                          for name in (row.frame_id, row.child_frame_id))

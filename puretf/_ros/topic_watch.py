@@ -140,6 +140,7 @@ class TopicReader:
         self._subscription = subscribe(
             node, message_type, topic, lambda _: None, qos, node.default_callback_group)
         self._taker = taker(self._subscription.handle, ReceivedMessage.of)
+        self.topic: str = self._subscription.topic_name  #: after remapping
         #: False if it is not known which publisher has sent a message.
         self.has_gids = self._taker.has_gids
         self._publishers = Publishers(node, [topic])

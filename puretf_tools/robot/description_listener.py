@@ -2,14 +2,10 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from functools import partial
 from threading import Lock, Thread
-from time import monotonic
 from typing import Any, Optional
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -21,23 +17,19 @@ from puretf_tools.inspection.robots import joint_states_of, Robot
 from puretf_tools.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
 from puretf_tools.robot.observed import JOINT_STATE, receive, robot_of
 
-#: The time between two searches for topics (s).
-_SCAN_INTERVAL = 1.0
 #: The largest number of topics with joint states, and of messages of each that are read at a time.
 _MOST_STATES, _DEPTH = 20, 50
 #: The longest time that `wait` takes (s).
 _PATIENCE = 20.0
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class DescriptionListener:
-    """Subscribes to all topics whose names end with `TOPIC` while they have publishers."""
+    """Reads all topics whose names end with `TOPIC` while they have publishers."""
 
     def __init__(self, node: Node, namespace: str = '') -> None:
-        """Listen to the topics below a namespace, such as '/left'."""
-        self._node, self._next_scan, self._namespace = node, 0.0, namespace
-        self._subscriptions: dict[str, Any] = {}
+        """Read the topics below a namespace, such as '/left'."""
+        self._node, self._namespace = node, namespace
+        self._watch = TopicWatch(node, self._wanted, MOST_TOPICS, 1)
         self._texts: dict[str, str] = {}
         self._lock = Lock()
         self._waiting: dict[str, str] = {}  # texts to be parsed, by topic
@@ -45,10 +37,13 @@ class DescriptionListener:
         self._descriptions: dict[str, DescriptionOrWhy] = {}
 
     def descriptions(self) -> dict[str, DescriptionOrWhy]:
-        """Return the newest descriptions by topic; search for topics once a second."""
-        if monotonic() >= self._next_scan:
-            self._next_scan = monotonic() + _SCAN_INTERVAL
-            self._scan()
+        """Return the newest descriptions by topic; search for topics twice a second."""
+        with self._lock:
+            self._watch.poll()
+            for topic, readers in self._watch.readers.items():
+                # Listeners of descriptions match latched ones only.
+                for message in readers[True].take() if True in readers else ():
+                    self._receive(topic, message)
         return self._descriptions
 
     def wait(self) -> None:
@@ -56,31 +51,28 @@ class DescriptionListener:
         if parser := self._parser:
             parser.join(_PATIENCE)
 
-    def _scan(self) -> None:
-        for topic in [*self._subscriptions]:
-            if not self._node.count_publishers(topic):
-                self._node.destroy_subscription(self._subscriptions.pop(topic))
-                with self._lock:
-                    self._texts.pop(topic, None)
-                    self._descriptions = {name: each for name, each in self._descriptions.items()
-                                          if name != topic}
-        for topic, types in self._node.get_topic_names_and_types():
-            if (topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{TOPIC}')
-                    and types == [STRING]
-                    and topic not in self._subscriptions
-                    and len(self._subscriptions) < MOST_TOPICS):
-                self._subscriptions[topic] = self._node.create_subscription(
-                    String, topic, partial(self._receive, topic), _LATCHED,
-                    event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+    def close(self) -> None:
+        self._watch.close()
 
-    def _receive(self, topic: str, message: String) -> None:
-        with self._lock:
-            if topic in self._subscriptions and message.data != self._texts.get(topic):
-                self._texts[topic] = self._waiting[topic] = message.data
-                if self._parser is None:
-                    # The executor goes on, and so does the end of the process.
-                    self._parser = Thread(target=self._parse, daemon=True)
-                    self._parser.start()
+    def _wanted(self) -> list[tuple[str, Any]]:
+        for topic in [*self._watch.readers]:
+            if not self._node.count_publishers(topic):
+                self._watch.leave(topic)
+                self._texts.pop(topic, None)
+                self._descriptions = {name: each for name, each in self._descriptions.items()
+                                      if name != topic}
+        return [(topic, String) for topic, types in self._node.get_topic_names_and_types()
+                if topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{TOPIC}')
+                and types == [STRING] and self._node.count_publishers(topic)]
+
+    def _receive(self, topic: str, message: bytes) -> None:
+        text = str(message[8:].partition(b'\0')[0], 'utf-8', 'replace')  # after header and length
+        if text != self._texts.get(topic):
+            self._texts[topic] = self._waiting[topic] = text
+            if self._parser is None:
+                # The caller goes on, and so does the end of the process.
+                self._parser = Thread(target=self._parse, daemon=True)
+                self._parser.start()
 
     def _parse(self) -> None:
         while True:
@@ -148,4 +140,5 @@ class RobotListener:
                 for reader in readers.values() if reader.has_gids}
 
     def close(self) -> None:
+        self._descriptions.close()
         self._watch.close()

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from time import monotonic
-from typing import Any, Optional, TYPE_CHECKING
+from typing import Optional, TYPE_CHECKING
 
 from puretf import comma_list, full_name, shortened
 from puretf_tools.cli.parser import UsageError
@@ -144,35 +144,29 @@ class JointCommander(JointControl):
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from sensor_msgs.msg import JointState
 
+        from puretf.publisher_listener import TopicReader
         from puretf_tools.inspection.joint_states import JointStateReader
         super().__init__(topic, description)
         self._node = node
-        #: The last joint states, in CDR; None: they have been read.
-        self._state: Optional[bytes] = None
         #: When the reported positions count again, by joint (s, monotonic clock).
         self._next: dict[str, float] = {}
         self._publisher = node.create_publisher(JointState, topic, 10)
-        self._subscription = node.create_subscription(
-            JointState, full_name(namespace, 'joint_states'), self._on_state,
-            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT), raw=True)
-        self._reader = JointStateReader(node, self._subscription.topic_name)
+        self._states = TopicReader(
+            node, JointState, full_name(namespace, 'joint_states'),
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+        self._reader = JointStateReader(node, self._states.topic)
 
     def close(self) -> None:
         self._node.destroy_publisher(self._publisher)
-        self._node.destroy_subscription(self._subscription)
-
-    def _on_state(self, state: Any) -> None:
-        self._state = state
+        self._states.close()
 
     def take_reported(self) -> None:
         """Take the positions that have been reported last."""
-        data, self._state = self._state, None
-        if data is None or (state := self._reader.read(data)) is None:
-            return
         now = monotonic()
-        for name, position in zip(state.name, state.position):
-            if now >= self._next.get(name, 0.0):
-                self.positions.set(name, position)
+        for state in filter(None, map(self._reader.read, self._states.take())):
+            for name, position in zip(state.name, state.position):
+                if now >= self._next.get(name, 0.0):
+                    self.positions.set(name, position)
 
     def set(self, name: str, position: float) -> None:
         if name in self.positions.free:

@@ -26,7 +26,6 @@ from puretf_tools.cli import progress
 from puretf_tools.commands import tf_doctor
 from puretf_tools.commands.tf_doctor import main
 from puretf_tools.inspection import clock_sampler, header_sampler
-from puretf_tools.robot import description_listener
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 S = 10**9
@@ -36,7 +35,7 @@ SIM_TIME = '--ros-args', '-p', 'use_sim_time:=true'
 @pytest.fixture(autouse=True)
 def often(monkeypatch):
     """Let the command search for topics twenty times a second."""
-    for module in clock_sampler, description_listener, topic_watch:
+    for module in clock_sampler, topic_watch:
         monkeypatch.setattr(module, '_SCAN_INTERVAL', 0.05)
 
 

@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
 from puretf import TFMessage, TransformBroadcaster
+from puretf._ros import topic_watch
 from puretf_tools.robot import description_listener, descriptions
 from puretf_tools.robot.description_listener import RobotListener
 from puretf_tools.view.feed import LiveFeed, Publication
@@ -20,7 +21,7 @@ from puretf_tools.view.feed import LiveFeed, Publication
 @pytest.fixture(autouse=True)
 def often(monkeypatch):
     """Let topics be searched for twenty times a second."""
-    monkeypatch.setattr(description_listener, '_SCAN_INTERVAL', 0.05)
+    monkeypatch.setattr(topic_watch, '_SCAN_INTERVAL', 0.05)
 
 
 @pytest.fixture
@@ -163,6 +164,8 @@ def test_descriptions(ros, offer):
     ros.until(lambda: names()['/a/b/robot_description'] == 'new')
     publisher.publish(String(data='<robot'))
     ros.until(lambda: 'not valid XML' in str(names()['/a/b/robot_description']))
+    publisher.publish(b'\0\1\0\0')  # without a text
+    ros.until(lambda: 'is empty' in str(names()['/a/b/robot_description']))
     ros.node.destroy_publisher(publisher)
     ros.until(lambda: names() == {'/robot_description': 'one'})
 
