@@ -159,14 +159,15 @@ _REP_105 = 'earth', 'map', 'odom', 'base_link', 'base_footprint'
 @lru_cache(maxsize=8192)
 def without_prefix(name: str) -> set[str]:
     """
-    Return the names that a name is with a namespace, or with a prefix or suffix of REP 105's.
+    Return the names that a name is with a namespace, a suffix, or a prefix of REP 105's names.
 
-    >>> without_prefix('robot1/tool'), without_prefix('odom_combined')
-    ({'tool'}, {'odom'})
+    >>> without_prefix('robot1/tool'), without_prefix('odom_combined'), without_prefix('tool_link')
+    ({'tool'}, {'odom'}, {'tool'})
     >>> without_prefix('left_wheel')
     set()
     """
-    return {name[i + 1:] for i, letter in enumerate(name) if letter == '/'} | {
+    suffixes = {name.removesuffix(end) for end in ('_link', '_frame')} - {name}
+    return suffixes | {name[i + 1:] for i, letter in enumerate(name) if letter == '/'} | {
         other for other in _REP_105 if name != other and (
             name.endswith(other) or name.startswith(f'{other}_'))}
 

@@ -461,6 +461,9 @@ FAULTY = [
 
 #: Lookups that engineers thought of who had not seen the rules.
 THOUGHT_OF = [
+    Situation('a suffix on some frames only', World(
+        [DRIVER, Sender('/cad', ['base laser'], 0, '/tf_static')]),
+        [Lookup('odom', 'laser', ['part_prefix'], ("'base_link' and 'base'",))]),
     Situation('the network has been late for 4 s', World(
         [DRIVER._replace(rate=50.0, takes=lambda number: 4.0 * (number >= 800)), LASER]),
         [Lookup('odom', 'laser', ['too_soon'], ('4.0 s behind',), at=0.0)]),
