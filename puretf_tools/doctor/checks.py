@@ -5,6 +5,7 @@ from functools import partial
 from itertools import chain, combinations, pairwise
 from math import ceil, isfinite
 from operator import attrgetter, itemgetter
+import re
 from types import MappingProxyType
 from typing import NamedTuple, Optional
 
@@ -61,15 +62,16 @@ _JUMP = 10
 _ONCE = 2 * SECOND
 #: Transforms that are late or from the future are reported if more than this part of them is.
 _SHARE = 0.05
-#: Stamps have a constant lead if its mean is at least this part of the largest.
-_CONSTANT = 0.8
+#: Stamps have a constant lead if its mean is at least this part of the largest; localisation dates
+#: its transforms ahead by less than this (ns).
+_CONSTANT, _MOST_LEAD = 0.8, 5 * SECOND
 #: Two publishers with two clocks are no late transform of an old run, unless one of them makes
 #: the other one's transforms old by so many times fewer.
 _MANY_REFUSED = 10
 #: /clock is slow if the time from one message to the next one is longer (ns).
 _SLOW_CLOCK = 0.11 * SECOND
-#: A frame is handed over if its parent changes at most so often, or for at most this part of its
-#: transforms.
+#: A frame is handed over if its parent or its publisher changes at most so often, or its parent
+#: for at most this part of its transforms.
 _FEW_SWITCHES, _SWITCHES = 2, 0.02
 #: No timeout that is longer than this (s) is proposed.
 _LONGEST_TIMEOUT = 10.0
@@ -137,6 +139,8 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
             continue
         for fault in check.find(observation):
             rule = CHECKS[fault.code] if fault.code else check
+            if rule.code in ignored:
+                continue
             explained += fault.explains.items()
             topics = (observation.topics[track.is_static] for track in fault.tracks)
             nodes = map(observation.node_of, fault.tracks)
@@ -253,12 +257,22 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
         '/tf_static again and again: what a new publisher sends can be lost, and each of them '
         'costs all listeners memory and time.')
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
-    for (node, topic), publishers in observation.recreated.items():
-        found = {*publishers}
-        frames = [track.child for track in observation.tracks if track.publisher in found]
+    groups = {key: [track for track in observation.tracks if track.publisher in {*publishers}]
+              for key, publishers in observation.recreated.items()}
+    # A broadcaster that is created in a callback sends little.
+    usual = {key: np.median([track['count'] for track in tracks]) if tracks else 0.0
+             for key, tracks in groups.items()}
+    again = {node for (node, _), count in usual.items() if count >= _FEWEST}
+    for (node, topic), tracks in groups.items():
+        count, frames = len(observation.recreated[node, topic]), [*map(_child_of, tracks)]
         where = ', from one node' if node.startswith('/') else ''
-        yield _Fault(f'{len(found)} publishers, one after another{where}', (), frames, [topic],
-                     [node], explains={'no_transforms': None})
+        how = (f', with {usual[node, topic]:.0f} transforms each, as if it has started again '
+               f'{count - 1} times' if node in again else '')
+        yield _Fault(
+            f'{count} publishers, one after another{where}{how}', (), frames, [topic], [node],
+            'Look at the log of the node: does it end, and is it started again? If not, create '
+            'its broadcaster once.' if how else '', WARNING if how else '',
+            explains={'no_transforms': None, **({'gap': frames} if how else {})})
 
 
 @_check(*_same('changing_parent'),
@@ -277,8 +291,8 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
                          severity=INFO if is_handed else '', values={
                              'frame': quoted(child) + _by_one(observation, tracks)},
                          explains=dict.fromkeys(
-                             ('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp'),
-                             (child,)))
+                             ('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', *(
+                                 ['gap'] if is_handed and len(tracks) > 1 else [])), (child,)))
 
 
 def _by(observation: Observation, track: Track) -> str:
@@ -296,7 +310,19 @@ def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
     return (not any(track.is_static for track in tracks)
             and sum(track.switches for track in tracks) <= max(
                 _FEW_SWITCHES, _SWITCHES * total(tracks, 'count'))
-            and not any(_exist_together(observation, a, b) for a, b in combinations(tracks, 2)))
+            and all(_take_turns(observation, a, b) for a, b in combinations(tracks, 2)))
+
+
+def _take_turns(observation: Observation, a: Track, b: Track) -> bool:
+    """Return whether one publisher is silent while the other one sends several transforms."""
+    arrivals = [observation.statistics.arrivals(observation.statistics.together([track]))[0]
+                for track in (a, b)]
+    if min(map(len, arrivals)) <= _FEW_SWITCHES:
+        return not _exist_together(observation, a, b)
+    first, second = sorted(arrivals, key=itemgetter(0))
+    turns = np.concatenate([np.zeros(len(first)), np.ones(len(second))])[
+        np.argsort(np.concatenate([first, second]), kind='stable')]
+    return bool(np.count_nonzero(np.diff(turns)) <= _FEW_SWITCHES)
 
 
 @_check('static_and_dynamic', 'Let only one of the two topics have {frame}.',
@@ -391,6 +417,8 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own.
     robots: dict[str, dict[int, dict[str, list[str]]]] = {}
+    kinds = [next(i for i, other in enumerate(observation.trees[:_MOST_ROOTS] + [tree])
+                  if other is tree or _are_alike(tree, other)) for tree in observation.trees]
     for topic, headers in observation.own_headers.items():
         namespace = topic.split('/')[1]
         for frame in sorted(headers.frames):
@@ -398,7 +426,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
             if name in observation.tree_of:
                 robot = namespace if name.startswith(f'{namespace}/') else ''
                 trees = robots.setdefault(robot, {})
-                names = trees.setdefault(observation.tree_of[name], {})
+                names = trees.setdefault(kinds[observation.tree_of[name]], {})
                 names.setdefault(name, []).append(topic)
     for trees in robots.values():
         if len(trees) > 1:
@@ -460,8 +488,9 @@ def _share(tracks: Sequence[Track], field: str) -> str:
 
 
 @_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock',
-        meaning=f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: '
-        'they are from another clock, so lookups at the present time fail.')
+        meaning=f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival, '
+        f'or more than {CACHE // SECOND} s ahead while others are in time: they are from another '
+        'clock, so lookups at the present time fail.')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     # If one such stamp makes others old, `time_goes_back` says it.
     told = {observation.refused[track].by for track in observation.refused
@@ -471,8 +500,19 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
     if observation.clock:
         yield from _other_clock_than(observation, observation.clock, told)
         return
-    for tracks in observation.by_publisher(
-            lambda track: track['foreign'] and track not in told and not track.is_frozen):
+    jumps = {track for track in observation.tracks if _has_jumping_clock(observation, track)}
+    for tracks in observation.by_publisher(jumps.__contains__):
+        worst, children = max(tracks, key=itemgetter('largest_step')), [*map(_child_of, tracks)]
+        yield _Fault(
+            f'the stamps of {_names(children)} jump forward by {in_words(worst["largest_step"])} '
+            f'after {exact_time(worst["largest_step_at"])}, while transforms arrive as before',
+            tracks, severity='' if total(tracks, 'foreign') else WARNING, explains={
+                **dict.fromkeys(('late', 'future', 'gap'), children),
+                **dict.fromkeys(_OF_MESSAGES[1:], _below(observation, children))},
+            time=worst['largest_step_at'])
+    told |= jumps
+    for tracks in observation.by_publisher(lambda track: track not in told and (
+            track['foreign'] > _stalled(observation, track))):
         worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
         is_before = worst['greatest_delay'] > -worst['least_delay']
         delay = worst['greatest_delay' if is_before else 'least_delay']
@@ -482,6 +522,32 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
             f'{_known_offset(observation, delay, worst["stamp"])}', tracks,
             remedy=_clock_remedy(observation, worst['stamp'], tracks))
+
+
+def _has_jumping_clock(observation: Observation, track: Track) -> bool:
+    """Return whether stamps jump forward, while transforms arrive with a constant delay."""
+    if track['largest_step'] <= _SHORTEST_GAP or not (step := observation.step(track)):
+        return False
+    parts = step.delays[:step.before + 1], step.delays[step.before + 1:]
+    if min(map(len, parts)) < _FEWEST or _is_hole(observation, track):
+        return False
+    (low, before, high), (least, after, most) = (
+        np.quantile(part, (0.1, 0.5, 0.9)) for part in parts)
+    return bool(max(high - low, most - least) < LATE < before - after)
+
+
+def _is_hole(observation: Observation, track: Track) -> bool:
+    """Return whether nothing has arrived during the largest step of the stamps."""
+    step = observation.step(track)
+    if step is None:
+        return True
+    pauses = np.diff(step.arrivals)
+    return bool(pauses[step.before] > _GAP * np.median(pauses))
+
+
+def _stalled(observation: Observation, track: Track) -> int:
+    """Return how many transforms have a stamp that stands; see `frozen_stamp`."""
+    return observation.stalls[track].number if track in observation.stalls else 0
 
 
 def _known_offset(observation: Observation, delay: float, stamp: int) -> str:
@@ -532,7 +598,7 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
         before = int(clock['oldest'] - track['latest'])
         after = int(track['oldest'] - clock['latest'])
         if (track['delays'] and max(before, after) > OTHER_CLOCK and track not in told
-                and not track.is_frozen):
+                and track not in observation.stalls):
             yield _Fault(f'all stamps of {shortened(track.child)} are at least '
                          f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
                          f'those of {shortened(clock.child)}', [track])
@@ -590,16 +656,20 @@ def _below(observation: Observation, frames: Collection[str]) -> set[str]:
                        if not {*frames}.isdisjoint(observation.ancestors(frame)))}
 
 
-@_check(*_same('frozen_stamp'), meaning='The stamp of a frame never advances, so lookups through '
-        'it fail at any other time, and the latest time of all frames is this stamp.')
+@_check(*_same('frozen_stamp'), meaning='The stamp of a frame does not advance, so lookups '
+        'through it fail at any other time, and the latest time of all frames is this stamp.')
 def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
-    for tracks in observation.by_publisher(attrgetter('is_frozen')):
-        stamps = sorted({track['latest'] for track in tracks})
+    stalls = observation.stalls
+    for tracks in observation.by_publisher(stalls.__contains__):
+        stamps = sorted({stalls[track].stamp for track in tracks})
         children = [track.child for track in tracks]
+        is_all, count, span = (all(track.is_frozen for track in tracks), sum(
+            stalls[track].number for track in tracks), max(stalls[track].span for track in tracks))
         yield _Fault(
-            f'all {total(tracks, "count")} transforms of {_names(children)} have the stamp'
-            f'{"s" * (len(stamps) > 1)} {comma_list([*map(exact_time, stamps)], SHOWN)}',
-            tracks, explains={
+            f'{"all " * is_all}{count} transforms of {_names(children)} have the stamp'
+            f'{"s" * (len(stamps) > 1)} {comma_list([*map(exact_time, stamps)], SHOWN)}'
+            f'{"" if is_all else f", for {in_words(span)}"}', tracks,
+            severity='' if any(stalls[track].is_last for track in tracks) else WARNING, explains={
                 **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back'), children),
                 **dict.fromkeys(_OF_MESSAGES, _below(observation, children))})
 
@@ -608,9 +678,9 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
         'use_sim_time, wait until /clock is received.', 'use_sim_time and the wall clock',
         meaning='Transforms on /tf have the stamp 0, so lookups at any other time fail.')
 def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
-    # A simulation may begin with a single stamp 0.
+    # Each run of a simulation may begin with a single stamp 0.
     yield from _counted(observation, 'zero_stamps', 'with the stamp 0', lambda track: (
-        track['zero_stamps'] > 1 or not 0 < track['oldest'] < OTHER_CLOCK))
+        track['zero_stamps'] > 1 + track['backwards'] or not 0 < track['oldest'] < OTHER_CLOCK))
 
 
 @_check('message_other_clock', 'Look at the clock that stamps the messages.',
@@ -628,12 +698,12 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{"before" if stamp < newest else "after"} the newest transform'
             f'{_known_offset(observation, int(topic.arrivals[found][-1]) - stamp, stamp)}',
             _clock_remedy(observation, stamp))
-    for topic, offset in observation.off_clock.values():
+    for topic, offset, in_time in observation.off_clock.values():
         senders = observation.senders.get(topic.topic, ())
         yield _of_topic(
             observation, topic, topic.stamps != 0, 'have stamps of another clock: the clock of '
-            f'{_names(senders or [topic.topic])} is {apart(offset, int(topic.stamps[-1]))}; '
-            f'{observation.topics[0]} is in time')
+            f'{_names(senders or [topic.topic])} is {apart(offset, int(topic.stamps[-1]))} that '
+            f'of {shortened(in_time.child)} on {observation.topics[0]}, which is in time')
 
 
 @_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
@@ -645,6 +715,9 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
         cache = int(topic.waits[found].max())
         if cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks):
             continue  # see other_clock
+        ages = _ages(observation, topic)
+        if ages is not None and 2 * np.median(ages[found]) < np.median(topic.waits[found]):
+            continue  # the transforms are ahead; see future
         yield _of_topic(
             observation, topic, found, 'are too old: when they arrive, their transforms are up to '
             f'{in_words(cache)}{_known(-cache)} older than the newest ones',
@@ -658,8 +731,7 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
         meaning='The transforms never reach the stamps of messages, so these wait in vain.')
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.NEVER):
-        topic, found = topics[0]
-        last = int(topic.stamps[found].max())
+        last = int(topics[0][0].stamps.max())
         reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
                   if edge.end < last else
                   'arrive when those of other edges are not kept any more')
@@ -670,13 +742,18 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
 
 def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
-    """Yield the topics with many messages of a verdict, and which of their messages these are."""
+    """
+    Yield the topics with many messages of a verdict, and which of their messages these are.
+
+    Messages that wait shorter than `least_wait` (ns) are not many.
+    """
     for topic in observation.message_times:
         if topic.topic in observation.off_clock:
             continue  # see message_other_clock
-        found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
+        found = topic.verdicts == verdict
+        count = (found & (topic.waits >= least_wait)).sum()
         total = len(found) if verdict is Verdict.ZERO_STAMP else topic.judged
-        if found.any() and found.sum() >= _SHARE * total:
+        if count and count >= _SHARE * total:
             yield topic, found
 
 
@@ -685,7 +762,7 @@ def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
     """Group what `_found` yields by the edge for which most of the messages wait."""
     groups: dict[str, tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]] = {}
     for topic, found in _found(observation, verdict, least_wait):
-        number = np.bincount(topic.edge_numbers[found]).argmax()
+        number = np.bincount(topic.edge_numbers[found], topic.waits[found] + 1).argmax()
         edge = topic.edges[number]
         _, topics = groups.setdefault(edge.child, (edge, []))
         topics.append((topic, found & (topic.edge_numbers == number)))
@@ -706,9 +783,8 @@ def _of_edge(observation: Observation, edge: Edge,
     """Return a fault of messages that wait for an edge; `what` is said of those of one topic."""
     others = [topic.topic for topic, _ in topics[1:]]
     more = f'; so do messages on {_names(others)}' if others else ''
-    ahead = max(_ahead(observation, *each) for each in topics)
-    clock = (f'; stamps are up to {in_words(ahead)} later than the arrivals: is the clock of the '
-             'sender ahead?' if ahead > FUTURE else '')
+    ahead = _lead(observation, topics)
+    clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
     senders = [node for topic, _ in topics
                for node in observation.senders.get(topic.topic, ())]
     return _Fault(
@@ -718,13 +794,21 @@ def _of_edge(observation: Observation, edge: Edge,
         [*senders, *map(observation.node_of, observation.dynamic_tracks(edge.child))], remedy)
 
 
-def _ahead(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_]) -> int:
-    """Return by how much stamps are later than their arrivals (ns); 0: not known."""
+def _lead(observation: Observation,
+          topics: Iterable[tuple[MessageTimes, NDArray[np.bool_]]]) -> int:
+    """Return by how much stamps of messages are later than their arrivals (ns); 0: not."""
+    ahead = max((-int(ages[found].min()) for topic, found in topics
+                 if (ages := _ages(observation, topic)) is not None), default=0)
+    return ahead if ahead > FUTURE else 0
+
+
+def _ages(observation: Observation, topic: MessageTimes) -> Optional[NDArray[np.int64]]:
+    """Return the ages of messages when they arrive (ns), by their stamps; None: not known."""
     clock = observation.stamp_clock
     if observation.has_record_times and 'arrivals' not in observation.not_known:
         clock = StampClock()
     times = clock.at(topic.arrivals) if clock else None
-    return 0 if times is None else max(0, int((topic.stamps - times)[found].max()))
+    return None if times is None else times - topic.stamps
 
 
 def _part(topic: MessageTimes, found: NDArray[np.bool_]) -> str:
@@ -869,7 +953,8 @@ def _needs_time(observation: Observation, node: str) -> bool:
 def _is_foreign(observation: Observation, node: str) -> bool:
     """Return whether a node sends stamps that are far from the time on /clock."""
     stamps = [int(track['stamp']) for track in observation.tracks
-              if observation.node_of(track) == node and not (track.is_static or track.is_frozen)]
+              if observation.node_of(track) == node and not (
+                  track.is_static or track in observation.stalls)]
     stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
                if headers.stamps and node in observation.senders.get(topic, ())]
     now = observation.clocks[0].stamp
@@ -886,7 +971,7 @@ def _is_foreign(observation: Observation, node: str) -> bool:
         f'once much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published '
         'any more; lookups in between interpolate over the gap or wait.')
 def _gap(observation: Observation) -> Iterator[_Fault]:
-    for tracks in observation.by_publisher(_has_gap):
+    for tracks in observation.by_publisher(partial(_has_gap, observation)):
         worst = max(tracks, key=itemgetter('largest_step'))
         beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
         before = int(worst['largest_step_at'])
@@ -909,14 +994,16 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                      time=min(int(track['latest']) for track in tracks))
 
 
-def _has_gap(track: Track) -> bool:
+def _has_gap(observation: Observation, track: Track) -> bool:
     steps, period = int(track['steps'].sum()), max(track.period, _SHORTEST_PERIOD)
     return steps >= _FEWEST and bool(
-        track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
-        or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
+        track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps)
+        or (track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
+            and _is_hole(observation, track)))
 
 
-@_check('message_early', 'Wait for the transforms, or make the publisher send them sooner.',
+@_check('message_early',
+        'Wait for the transforms, or make the publisher send them sooner, or more often.',
         'Extrapolation into the future', severity=WARNING, needs=('headers',),
         meaning=f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their '
         'stamps, so lookups without a timeout fail.')
@@ -932,7 +1019,16 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
             None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            '...). Or make the publisher send the transforms sooner.')
+            f'...). Or {_instead_of_waiting(observation, edge, topics)}.')
+
+
+def _instead_of_waiting(observation: Observation, edge: Edge,
+                        topics: Iterable[tuple[MessageTimes, NDArray[np.bool_]]]) -> str:
+    if _lead(observation, topics):
+        return 'correct the clock that stamps the messages'
+    is_slow = 'arrivals' not in observation.not_known and any(
+        track.mean_delay < track.period for track in observation.dynamic_tracks(edge.child))
+    return f'make the publisher send the transforms {"more often" if is_slow else "sooner"}'
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
@@ -954,15 +1050,18 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
         if track['steps'].sum() < _FEWEST or track['jump'] < SMALLEST_JUMP or (
                 track['largest_speed'] <= limit):
             continue
-        # REP 105: the frame odom may jump in map, when the robot is localised.
-        is_localisation = (track.child.rpartition('/')[2] == 'odom' and all(
-            parent.rpartition('/')[2] == 'map' for parent in track.parents))
         yield _Fault(
             f'{track.jumps_beyond(limit)} of {track["count"]} transforms of '
             f'{shortened(track.child)} jump; at {exact_time(int(track["jump_at"]))}, by '
             f'{track["jump"]:.3g} (m plus rad), {track["largest_speed"]:.3g} per second; '
             f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
-            severity=INFO if is_localisation else '', time=int(track['jump_at']))
+            severity=INFO if _is_localisation(track) else '', time=int(track['jump_at']))
+
+
+def _is_localisation(track: Track) -> bool:
+    """Return whether the transforms are those of odom in map (REP 105), which may jump."""
+    return track.child.rpartition('/')[2] == 'odom' and all(
+        parent.rpartition('/')[2] == 'map' for parent in track.parents)
 
 
 @_check(*_same('one_shot'), severity=WARNING, meaning='A frame was sent once on /tf and never '
@@ -974,7 +1073,8 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
             and track['last_time'] and end - track['last_time'] > _ONCE}
     for tracks in observation.by_publisher(once.__contains__):
         yield _Fault(f'one transform of {_names(map(_child_of, tracks))} in '
-                     f'{in_words(end - tracks[0]["last_time"])}', tracks)
+                     f'{in_words(end - tracks[0]["last_time"])}', tracks, explains={
+                         'message_never': _below(observation, [*map(_child_of, tracks)])})
 
 
 @_check('late', 'Look at the node that publishes the frame and at the network: one of them is '
@@ -982,7 +1082,8 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
         severity=WARNING, needs=('arrivals',), meaning='Transforms arrive more than '
         f'{LATE / SECOND:g} s after their stamp; lookups at the present time wait for them.')
 def _late(observation: Observation) -> Iterator[_Fault]:
-    for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'late')):
+    for tracks in observation.by_publisher(
+            lambda track: _is_frequent(observation, track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
         # Stamps of the future can make the mean negative.
         mean = f'{in_words(worst.mean_delay)}, the largest ' if worst.mean_delay > 0.0 else ''
@@ -992,8 +1093,8 @@ def _late(observation: Observation) -> Iterator[_Fault]:
                      f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}', tracks)
 
 
-def _is_frequent(track: Track, field: str) -> bool:
-    return bool(track[field] > _SHARE * track['delays']) and not track.is_frozen
+def _is_frequent(observation: Observation, track: Track, field: str) -> bool:
+    return bool(track[field] - _stalled(observation, track) > _SHARE * track['delays'])
 
 
 @_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
@@ -1001,7 +1102,8 @@ def _is_frequent(track: Track, field: str) -> bool:
         'use_sim_time and the wall clock', severity=WARNING, needs=('arrivals',),
         meaning=f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.')
 def _future(observation: Observation) -> Iterator[_Fault]:
-    for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'future')):
+    for tracks in observation.by_publisher(
+            lambda track: _is_frequent(observation, track, 'future')):
         worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
         text = (f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
                 f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
@@ -1009,15 +1111,30 @@ def _future(observation: Observation) -> Iterator[_Fault]:
                 f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}')
         is_synchronised = ahead is not None and abs(ahead) <= FUTURE
         others = [track for track in observation.tracks if track['delays'] and not (
-            track in tracks or _is_frequent(track, 'future'))]
-        if is_synchronised and others and worst.mean_delay < _CONSTANT * worst['least_delay']:
+            track in tracks or _is_frequent(observation, track, 'future'))]
+        if worst.mean_delay < -CACHE and (others or _has_messages_in_time(observation)):
+            nodes = {*map(observation.node_of, tracks)} - {''}
+            yield _Fault(
+                f'{text}; {"other frames are" if others else "other messages are"} in time',
+                tracks, remedy=_clock_remedy(observation, worst['stamp'], tracks),
+                code='other_clock', explains={'message_other_clock': nodes})
+        elif others and worst.mean_delay < _CONSTANT * worst['least_delay'] and (
+                is_synchronised or (observation.has_record_times and _is_localisation(worst)
+                                    and worst['least_delay'] > -_MOST_LEAD)):
             yield _Fault(f'{text}; the lead is constant, and other frames are in time', tracks,
                          remedy='This is right if the node dates its transforms into the future '
-                         'on purpose, as localisation does (transform_tolerance).', severity=INFO)
+                         'on purpose, as localisation does (transform_tolerance)'
+                         f'{"" if is_synchronised else "; else compare the clocks"}.',
+                         severity=INFO)
         else:
             yield _Fault(text, tracks, remedy=_synchronise(observation, tracks) or (
                 'Look at how the node dates its transforms: the clock of its computer is right.'
                 if is_synchronised else ''))
+
+
+def _has_messages_in_time(observation: Observation) -> bool:
+    return any(-FUTURE <= np.median(ages) <= LATE for topic in observation.message_times
+               if len(topic.stamps) and (ages := _ages(observation, topic)) is not None)
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
@@ -1137,7 +1254,11 @@ def _part_prefix(observation: Observation) -> Iterator[_Fault]:
 
 def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
     """Return whether two trees are those of similar robots: the names differ on purpose."""
-    return len(names) == len(others) and all(
+    if len(names) != len(others):
+        return False
+    kinds, other_kinds = (sorted(re.sub(r'\d+', '', name) for name in each)
+                          for each in (names, others))
+    return kinds == other_kinds or all(
         is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
 
 

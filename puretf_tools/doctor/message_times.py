@@ -24,8 +24,8 @@ LONG_WAIT = SECOND // 10
 #: How long a listener keeps transforms (ns).
 CACHE = 10 * SECOND
 #: Messages that cannot be transformed within the observation are not judged if they have arrived
-#: less than this before its end (ns).
-_LAST = 2 * SECOND
+#: less than this before its end (ns), or than this many times the usual wait.
+_LAST, _WAITS = 2 * SECOND, 3
 _Array = NDArray[np.int64]
 _NEVER, _ALWAYS = np.iinfo(np.int64).max, np.iinfo(np.int64).min
 
@@ -254,9 +254,12 @@ def _judge(stamps: _Array, arrivals: _Array, edges: Sequence[Edge], begin: _Arra
     verdicts = np.select(
         [stamps == 0, np.full(len(stamps), not edges), is_other_clock,
          (arrivals < begin) | (stamps < oldest) & is_first, stamps < oldest, ready <= arrivals,
-         is_reached, arrivals > end - _LAST],
+         is_reached],
         [Verdict.ZERO_STAMP, Verdict.AT_ONCE, Verdict.OTHER_CLOCK, Verdict.START, Verdict.TOO_OLD,
-         Verdict.AT_ONCE, Verdict.WAITS, Verdict.END], Verdict.NEVER)
+         Verdict.AT_ONCE, Verdict.WAITS], Verdict.NEVER)
+    usual = (ready - arrivals)[np.isin(verdicts, (Verdict.AT_ONCE, Verdict.WAITS))]
+    patience = max(_LAST, _WAITS * float(np.median(usual)) if len(usual) else 0.0)
+    verdicts[(verdicts == Verdict.NEVER) & (end - arrivals < patience)] = Verdict.END
     waits = np.select([verdicts == Verdict.WAITS, verdicts == Verdict.TOO_OLD],
                       [ready - arrivals, needed_cache], 0)
     return verdicts, waits, slowest

@@ -9,6 +9,7 @@ from operator import itemgetter
 from typing import NamedTuple, Optional
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puretf import namespace_path, SECOND, TF_MESSAGE
 from puretf._causes.clocks import is_off
@@ -28,6 +29,8 @@ _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 _FEWEST = 3
 #: The largest number of names in a text.
 SHOWN = 5
+#: A stamp that several transforms have has stalled after this time (ns), and so many periods.
+_STALLED, _PERIODS = SECOND, 3
 
 
 class Refused(NamedTuple):
@@ -36,6 +39,23 @@ class Refused(NamedTuple):
     number: int
     newer: int  #: the newest stamp before the last of them (ns)
     by: Track  #: the track with this stamp
+
+
+class Stall(NamedTuple):
+    """Transforms of a track, one after another, that have the same stamp."""
+
+    number: int  #: how many
+    stamp: int  #: ns
+    span: int  #: from the arrival of the first to that of the last one (ns)
+    is_last: bool  #: whether no other stamp has come after it
+
+
+class Step(NamedTuple):
+    """The largest step of the stamps of a track."""
+
+    arrivals: NDArray[np.int64]  #: (n,) of all transforms of the track (ns)
+    delays: NDArray[np.int64]  #: (n,) from their stamps to the arrivals (ns)
+    before: int  #: the index of the transform before the step
 
 
 @dataclass
@@ -101,7 +121,7 @@ class Observation:
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
-        moving = [track for track in self.tracks if not track.is_frozen]
+        moving = [track for track in self.tracks if track not in self.stalls]
         if self.has_record_times and 2 * total(moving, 'foreign') > total(
                 moving, 'delays') and not any(track.alternates for track in moving):
             self.clock = max(moving, key=itemgetter('delays'))
@@ -184,19 +204,21 @@ class Observation:
             Frames(newest=self.parents))
 
     @cached_property
-    def off_clock(self) -> dict[str, tuple[MessageTimes, int]]:
+    def off_clock(self) -> dict[str, tuple[MessageTimes, int, Track]]:
         """
         By topic: the messages and the offset (ns) of their stamps, if it is of another clock.
 
-        They are compared with a frame that is in time, since a simulation can be slow, or pause.
+        They are compared with a frame that is in time, the third item, since a simulation can be
+        slow, or pause.
         """
         timed = [track for track in self.tracks if track['delays'] and not (
-            track['foreign'] or track['late'] or track['future'] or track.is_frozen)]
+            track['foreign'] or track['late'] or track['future'] or track in self.stalls)]
         if 'arrivals' in self.not_known or not timed:
             return {}
         track = max(timed, key=itemgetter('delays'))
         arrivals, stamps = self.statistics.arrivals(self.statistics.together([track]))
-        newest, found = np.maximum.accumulate(stamps), dict[str, tuple[MessageTimes, int]]()
+        newest = np.maximum.accumulate(stamps)
+        found = dict[str, tuple[MessageTimes, int, Track]]()
         for topic in self.message_times:
             is_timed = (topic.stamps != 0) & (topic.arrivals >= arrivals[0]) & (
                 topic.arrivals <= arrivals[-1])
@@ -207,8 +229,42 @@ class Observation:
             low, offset, high = map(int, np.quantile(offsets, (0.1, 0.5, 0.9)))
             if high - low < SECOND and is_off(offset, int(topic.stamps[is_timed][-1]),
                                               int(now[-1])):
-                found[topic.topic] = topic, offset
+                found[topic.topic] = topic, offset, track
         return found
+
+    @cached_property
+    def stalls(self) -> dict[Track, Stall]:
+        """The tracks whose stamp stands for a while, though transforms arrive: how long."""
+        found: dict[Track, Stall] = {}
+        for track in self.tracks:
+            if track['count'] - track['steps'].sum() < 3 or not (timed := self._timed(track)):
+                continue
+            arrivals, stamps = timed
+            changes = np.flatnonzero(np.diff(stamps)) + 1
+            begins, ends = np.append(0, changes), np.append(changes, len(stamps))
+            spans = arrivals[ends - 1] - arrivals[begins]
+            i = int(spans.argmax())
+            stall = Stall(int(ends[i] - begins[i]), int(stamps[begins[i]]), int(spans[i]),
+                          i == len(spans) - 1)
+            if stall.number > 2 and stall.span >= max(_STALLED, _PERIODS * track.period):
+                found[track] = stall
+        return found
+
+    def step(self, track: Track) -> Optional[Step]:
+        """Return the largest step of the stamps of a track; None: it is not known."""
+        if timed := self._timed(track):
+            arrivals, stamps = timed
+            before = np.flatnonzero((stamps[:-1] == track['largest_step_at'])
+                                    & (np.diff(stamps) == track['largest_step']))
+            if len(before):
+                return Step(arrivals, arrivals - stamps, int(before[0]))
+        return None
+
+    def _timed(self, track: Track) -> Optional[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Return the arrivals, on the clock of the stamps, and the stamps of a dynamic track."""
+        arrivals, stamps = self.statistics.arrivals(self.statistics.together([track]))
+        times = self.statistics.clock.at(arrivals) if len(arrivals) else None
+        return None if times is None else (times, stamps)
 
     @cached_property
     def refused(self) -> dict[Track, Refused]:

@@ -54,7 +54,7 @@ _FIELDS = np.dtype([
     ('step_back', 'i8'),  # the largest difference of these two stamps (ns)
     ('step_back_at', 'i8'),  # the later one of these two stamps
     ('oldest', 'i8'), ('latest', 'i8'),  # the range of the stamps that are not 0 (ns)
-    ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns) and pose
+    ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp that is not 0 (ns), and the last pose
     ('pose_before', '7f8'),  # the pose before the last one
     ('speed', 'f8'),  # the speed between these two (m/s plus rad/s)
     ('usual_speed', 'f8'),  # the largest of the speeds but those of jumps; see `_add_moves`
@@ -214,7 +214,10 @@ class Statistics(Counts):
         super()._count(values, numbers, table)
         stamps, poses = table.stamps, table.poses
         is_new = values['count'] == 0
-        before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
+        # A simulation that starts again begins with a stamp 0, which must not hide the step back.
+        known = _without_zeros(np.concatenate([
+            np.where(is_new, stamps[0], values['stamp'])[None], stamps]))
+        before = known[:-1]
         is_compared = np.ones_like(stamps, np.bool_) if table.is_static else (
             (stamps == before) & (stamps != 0))
         is_compared[0] &= ~is_new
@@ -232,7 +235,7 @@ class Statistics(Counts):
                 values['first_time'] = np.where(first == 0, times.min(), first)
                 values['last_time'] = np.maximum(values['last_time'], times.max())
         values['count'] += len(stamps)
-        values['stamp'], values['pose'] = stamps[-1], poses[-1]
+        values['stamp'], values['pose'] = known[-1], poses[-1]
 
     def _count_delays(self, values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]
                       ) -> None:
@@ -345,7 +348,7 @@ def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArr
 
 
 def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64]) -> None:
-    """Count (m, n) stamps (ns); `before`: (m, n), the previous stamps; of the first, itself."""
+    """Count (m, n) stamps (ns); `before`: (m, n), those before but 0; of the first, itself."""
     is_zero = stamps == 0
     values['zero_stamps'] += is_zero.sum(axis=0)
     largest = np.iinfo(np.int64).max
@@ -361,6 +364,12 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     rows, columns = np.nonzero(steps > 0)
     bins = np.ceil(np.log2(np.maximum(steps[rows, columns] / _FIRST_BIN, 1.0)) * _BINS_PER_OCTAVE)
     np.add.at(values['steps'], (columns, np.minimum(bins, _BINS - 1).astype(np.int64)), 1)
+
+
+def _without_zeros(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (m, n) stamps, in which the stamp before replaces a 0."""
+    rows = np.where(stamps != 0, np.arange(len(stamps))[:, None], 0)
+    return np.take_along_axis(stamps, np.maximum.accumulate(rows), 0)
 
 
 def _keep_largest(values: Any, **columns: NDArray[Any]) -> None:

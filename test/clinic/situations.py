@@ -212,7 +212,7 @@ FAULTY = [
     Situation('2.36 NTP sets the clock back', World([
         DRIVER._replace(offset=30.0, end=-10.0), DRIVER._replace(begin=-9.9)]),
         [Lookup('odom', 'base_link', ['time_goes_back'], ('were refused', 'Clear the buffer'),
-                at=-0.5)], finds=['future', 'time_goes_back'],
+                at=-0.5)], finds=['other_clock', 'time_goes_back'],
         after=[{'senders': [DRIVER._replace(begin=-9.9)]}]),
     Situation('1.12 map -> odom on /tf, the rest on /robot1/tf', World([
         SLAM, DRIVER._replace(topic='/robot1/tf'),
@@ -397,7 +397,7 @@ FAULTY = [
         SIM_DRIVER._replace(begin=-4.0),
         Sender('/old', ['odom base_link'], 0, offset=145.0 - NOW / S, begin=-3.9)], **SIM),
         [Lookup('odom', 'base_link', ['time_goes_back'], ('Clear the buffer',), at=0.0)],
-        ['future', 'time_goes_back', 'two_publishers'], [{'senders': [SIM_DRIVER]}]),
+        ['other_clock', 'time_goes_back', 'two_publishers'], [{'senders': [SIM_DRIVER]}]),
     Situation('1.24 a calibration changes', World([DRIVER, Sender(
         '/calibration', ['base_link camera'], 1.0, '/tf_static', pose=moves)]),
         [Lookup('odom', 'camera', None)], ['static_changes'], [{'senders': [DRIVER, Sender(
@@ -457,6 +457,49 @@ FAULTY = [
         ['clock_stands'], [{'senders': [SIM_DRIVER], 'speed': 1.0}],
         report=['warning clock_stands',
                 'the time on /clock of /gazebo has stood at 100.000000000 s for 20.0 s.']),
+    Situation('an INS on GPS time, and scans in time', World(
+        [DRIVER._replace(offset=18.0), LASER], sensors=[Sensor()]), [], ['other_clock']),
+    Situation('a localiser whose clock is 25 s ahead', World(
+        [DRIVER, LASER, SLAM._replace(offset=25.0)], sensors=[Sensor()]), [], ['other_clock']),
+    Situation('a camera whose frame and images are on TAI', World(
+        [DRIVER, Sender('/ptz', ['base_link cam'], offset=37.0)],
+        sensors=[Sensor('/ptz', '/image', 'cam', offset=37.0)]), [], ['other_clock']),
+    Situation('a frame at 0.2 Hz, and scans', World(
+        [DRIVER, LASER, Sender('/navsat', ['utm odom'], 0.2, begin=-24.0, end=-4.0)],
+        sensors=[Sensor()]), [], ['message_early']),
+    Situation('a localiser that is 3 s late, and scans', World(
+        [DRIVER, LASER, SLAM._replace(offset=-3.0)], sensors=[Sensor()]), [],
+        ['message_early', 'late']),
+    Situation('a frame was sent once on /tf, and images of it', World(
+        [DRIVER, Sender('/s', ['base_link cam'], 0, begin=-12.0)], sensors=[Sensor(frame='cam')]),
+        [], ['one_shot']),
+    Situation('a localiser stops, and scans', World(
+        [DRIVER, LASER, SLAM._replace(end=-8.0)], sensors=[Sensor()]), [],
+        ['message_never', 'gap']),
+    Situation('a controller starts again, and begins at 0', World([DRIVER._replace(
+        rate=30.0, stamp=lambda time: time - NOW + (900 if time < NOW - 6 * S else 6) * S)]), [],
+        ['other_clock', 'time_goes_back']),
+    Situation('a clock is set forward by 40 s', World([DRIVER._replace(
+        stamp=lambda time: time - 40 * S * (time < NOW - 8 * S)), LASER], sensors=[Sensor()]), [],
+        ['other_clock']),
+    Situation('a camera repeats its last stamp', World([DRIVER, Sender(
+        '/cam', ['base_link cam'], stamp=lambda time: min(time, NOW - 12 * S))], sensors=[Sensor(
+            frame='cam')]), [], ['frozen_stamp']),
+    Situation('a stamp stood for a while', World([DRIVER._replace(stamp=lambda time: (
+        NOW - 15 * S if -15 * S <= time - NOW < -10 * S else time))]), [], ['frozen_stamp']),
+    Situation('a backlog grows, and is dropped', World([DRIVER._replace(stamp=lambda time: (
+        time - (time - NOW + 20 * S) // 2 if time < NOW - 4 * S else time))]), [], ['late']),
+    Situation('a node crashes and starts again', World([DRIVER._replace(
+        begin=-20.0 + 2 * k, end=-18.8 + 2 * k, has_ended=k < 9) for k in range(10)]), [],
+        ['many_publishers']),
+    Situation('a lamp beside two robots whose frames have numbers', World(
+        [Sender('/e1', ['odom_1 base_1']), Sender('/e2', ['odom_2 base_2']),
+         Sender('/lamp', ['world lamp'])], sensors=[
+            Sensor('/l1', '/scan_1', 'base_1'), Sensor('/l2', '/scan_2', 'base_2'),
+            Sensor('/light', '/light', 'lamp')]), [], ['disconnected', 'several_trees']),
+    Situation('a second parent comes now and then', World([
+        DRIVER, Sender('/scene', ['odom box']), Sender('/grip', ['base_link box'], 0.3)]), [],
+        ['changing_parent']),
 ]
 
 #: Lookups that engineers thought of who had not seen the rules.
@@ -628,6 +671,16 @@ WELL = [
         Sender('/scene', ['world table', 'world hand']), *(
             Sender(f'/{name}', [f'{name} cup'], begin=begin, end=begin + 5.9) for name, begin in (
                 ('table', -18.0), ('hand', -12.0), ('table', -6.0)))], {}),
+    ('a node hands a frame over to another one', [
+        DRIVER, Sender('/perception', ['odom box'], 10, end=-10.0),
+        Sender('/gripper', ['base_link box'], 10, begin=-10.0)], {}),
+    ('a scene publishes a cup, but not while it is held', [
+        Sender('/scene', ['world hand', 'world table']),
+        Sender('/table', ['table cup'], is_lost=lambda i: 100 < i < 200),
+        Sender('/grip', ['hand cup'], begin=-14.9, end=-10.1)], {}),
+    ('two robots whose frames have numbers, and their scans', [
+        Sender(f'/e{i}', [f'odom_{i} base_{i}']) for i in (1, 2)], {'sensors': [
+            Sensor(f'/l{i}', f'/scan_{i}', f'base_{i}') for i in (1, 2)]}),
     ('a scan at 40 Hz that is 0.05 s late', [DRIVER, LASER], {'sensors': [
         Sensor(rate=40.0, takes=0.05)]}),
     ('an image that takes 0.3 s', [DRIVER, LASER], {'sensors': [Sensor(takes=0.3)]}),

@@ -115,7 +115,7 @@ FAULTS = {
         [*robot(100), *(tf(i, 'base_link wheel') for i in range(400)), *scans(count=300)],
         ['laser'], r'^159 of 239 messages on /scan wait in vain: the data of the edge odom -> '
         r'base_link(?: of /robot)? end at 1700000001\.980000000, and the last stamp is '
-        r'1700000005\.950000000$'),
+        r'1700000007\.475000000$'),
     'gap': (
         [message for i, message in enumerate(robot(200)) if not 50 < i <= 80],
         ['base_link', 'arm'],
@@ -208,6 +208,11 @@ CASES = {
          *(tf(i, 'map odom', stamp=T) for i in range(150))], {'frozen_stamp', 'late'}),
     'a simulation that begins at 0': (
         [tf(i, 'map odom', stamp=i * 20 * MS) for i in range(100)], set()),
+    'two runs of a simulation that begins at 0': (
+        [tf(run * 500 + i, 'map odom', stamp=i * 20 * MS) for run in (0, 1) for i in range(400)],
+        {'time_goes_back'}),
+    'a clock is set while a bag is recorded': (
+        robot(500, lambda i: {'stamp': at(i) - 40 * S * (i < 200)}), {'other_clock'}),
     'stamps of 0 at the beginning': (
         robot(change=lambda i: {'stamp': 0} if i < 3 else {}), {'zero_stamp'}),
     'a rare frame': ([tf(i * 180_000, 'map odom') for i in range(13)], set()),

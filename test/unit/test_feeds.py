@@ -8,6 +8,7 @@ from puretf._causes.lookups import RULES
 from puretf_tools.doctor import examine
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.robots import Robot
+from puretf_tools.inspection.stamp_clock import StampClock
 
 #: 50 Hz for 2 s.
 ROBOT = [tf(i, i, 'map odom') for i in range(0, 2000, 20)]
@@ -163,21 +164,37 @@ def test_three_nodes_publish_the_clock():
     assert finding.evidence.startswith('/a, /b, /c all publish /clock: 2 and 2 and 2 messages')
 
 
-@pytest.mark.parametrize(('lead', 'ahead', 'others', 'severity', 'remedy'), [
-    (lambda i: 1000, {'/robot': -MS}, True, 'info', 'transform_tolerance'),
-    (lambda i: 1000, {'/robot': -MS}, False, 'warning', 'the clock of its computer is right.'),
-    (lambda i: 30 * i, {'/robot': -MS}, True, 'warning', 'clock of its computer is right.'),
-    (lambda i: 1000, {'/robot': 990 * MS}, True, 'warning',
+@pytest.mark.parametrize(('delay', 'step', 'shift', 'remedy'), [
+    (250, 20, 0, 'make the publisher send the transforms sooner.'),
+    (200, 2000, 0, 'make the publisher send the transforms more often.'),
+    (0, 20, 150, 'correct the clock that stamps the messages.')])
+def test_what_to_do_instead_of_waiting(delay, step, shift, remedy):
+    """It depends on whether transforms are late, or rare, or the stamps of messages are ahead."""
+    content = [tf(i + delay, i, 'odom base') for i in range(0, 20_000, step)]
+    messages = [(i, i + shift) for i in range(0, 20_000, 110)]
+    (finding,) = examine(observed(content, messages, stamp_clock=StampClock())).findings
+    assert finding.code == 'message_early'
+    assert finding.remedy.endswith(f'Or {remedy}')
+
+
+@pytest.mark.parametrize(('lead', 'ahead', 'others', 'found', 'remedy'), [
+    (lambda i: 1000, {'/robot': -MS}, True, 'info future', 'transform_tolerance'),
+    (lambda i: 1000, {'/robot': -MS}, False, 'warning future', 'clock of its computer is right.'),
+    (lambda i: 30 * i, {'/robot': -MS}, True, 'warning future', 'clock of its computer is right.'),
+    (lambda i: 1000, {'/robot': 990 * MS}, True, 'warning future',
      'that of the sender is 0.99 s ahead, by the dates of its messages.'),
-    (lambda i: 1000, {}, True, 'warning', 'Compare the clocks of the computers'),
-    (lambda i: 37_000, {}, True, 'warning', 'Compare the clocks of the computers')])
-def test_stamps_of_the_future(lead, ahead, others, severity, remedy):
+    (lambda i: 1000, {}, True, 'warning future', 'Compare the clocks of the computers'),
+    (lambda i: 1000, None, True, 'info future', 'else compare the clocks'),  # in a bag
+    (lambda i: 6000, None, True, 'warning future', 'Compare the clocks of the computers'),
+    (lambda i: 37_000, {}, True, 'error other_clock', 'Look at the clock')])
+def test_stamps_of_the_future(lead, ahead, others, found, remedy):
     """They are right if the lead is constant, and the clock of the sender is right."""
     content = [tf(i * 20, i * 20 + lead(i), 'map odom') for i in range(200)]
     if others:
         content += [tf(i * 20, i * 20, 'odom base') for i in range(200)]
-    (finding,) = examine(observed(content, [], ahead=ahead)).findings
-    assert (finding.code, finding.severity, finding.frames) == ('future', severity, ('odom',))
+    (finding,) = examine(observed(
+        content, [], ahead=ahead or {}, has_record_times=ahead is None)).findings
+    assert (f'{finding.severity} {finding.code}', finding.frames) == (found, ('odom',))
     assert remedy in finding.remedy
     assert ('TAI - UTC' in finding.evidence) == (lead(0) == 37_000)
 
