@@ -14,8 +14,7 @@ from puretf._bag.recordings import BagError, is_bag, Paths, resolved
 from puretf._bag.recordings import recordings as find_recordings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
-from puretf._core.texts import later_part
-from puretf._text.names import comma_list
+from puretf._text.names import comma_list, visible
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import Encoding, MessageReader
 from puretf.transform_buffer import TransformBuffer
@@ -124,8 +123,9 @@ class Bag(AbstractContextManager['Bag']):
         self.path = recording.path  #: the directory, or the first file that was given
         self.files = recording.files  #: the parts of the recording, in order
         #: A sentence that names the first part, if only later parts are given; else ''.
-        self.missing_part = (recording.first and later_part(
-            str(self.path), str(recording.first))) or ''
+        self.missing_part = '' if recording.first is None else (
+            f'{visible(str(self.path))} is without the first part of its recording, which usually '
+            f'has all static transforms: read {visible(str(recording.first))}, too.')
         self.namespace = namespace  #: the namespace of the topics `tf` and `tf_static`
         self._about = self.path, namespace, partial, max_bytes
         self._on_progress = on_progress or (lambda done: None)

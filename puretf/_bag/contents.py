@@ -7,9 +7,15 @@ from pathlib import Path
 import re
 from typing import Optional, Union
 
-from puretf._bag.recordings import BagError
-from puretf._core import texts
-from puretf._text.names import namespace_path, TF_MESSAGE, visible
+from puretf._bag.recordings import BagError, error_line
+from puretf._text.names import (
+    comma_list,
+    MAX_TOPICS,
+    namespace_path,
+    shortened,
+    TF_MESSAGE,
+    visible,
+)
 from puretf._wire import cdr, ros1
 from puretf._wire.definitions import begins_with_header
 from puretf._wire.headers import Headers
@@ -107,7 +113,7 @@ class Contents:
         """Note an error in the file if `partial` is True; else, raise a BagError."""
         if isinstance(error, BagError):
             raise error
-        text = texts.error_line(error)
+        text = error_line(error)
         if not self._partial:
             name = '' if self.file == self._path else f'{visible(self.file.name)}: '
             raise BagError(f'{self._path} cannot be read: {name}{text} '
@@ -117,13 +123,23 @@ class Contents:
 
     def wrong_types(self) -> str:
         """Name the topics of TF that have another type; return '' if there are none."""
-        found = [key for key, topic in self.topics.items()
-                 if topic.name in self._is_static and not topic.is_tf]
-        return texts.wrong_types(found) if found else ''
+        found = [f'{shortened(name)} has the type {shortened(msgtype)}'
+                 for (name, msgtype), topic in sorted(self.topics.items())
+                 if name in self._is_static and not topic.is_tf]
+        return '' if not found else (
+            f'{" and ".join(found)}, not {TF_MESSAGE}: send transforms with a '
+            'TransformBroadcaster or a StaticTransformBroadcaster')
 
     def why_no_tf(self) -> str:
+        expected = ' or '.join(self._is_static)
         namespaces = {topic.name.rpartition('/')[0] for topic in self.topics.values()
                       if topic.is_tf and re.search('/tf(_static)?$', topic.name)}
         if others := sorted(namespaces - {self._namespace}):
-            return texts.no_tf_here([*self._is_static], others)
-        return self.wrong_types() or texts.no_tf([*self._is_static], [*self.topics])
+            names = comma_list([shortened(name) or '/' for name in others], MAX_TOPICS)
+            return f'no TFMessage on {expected}, but ' + (
+                'on topics without a namespace: omit the namespace' if others == [''] else
+                f'in the namespace {names}: pass namespace=')
+        topics = [f'{shortened(name)} ({shortened(msgtype)})'
+                  for name, msgtype in sorted(self.topics)]
+        return self.wrong_types() or (f'no {TF_MESSAGE} on {expected}; its topics: '
+                                      f'{comma_list(topics, MAX_TOPICS) or "none"}')

@@ -10,8 +10,7 @@ from pathlib import Path, PurePath
 import re
 from typing import Any, NamedTuple, Optional, Union
 
-from puretf._core.texts import error_line, renamed
-from puretf._text.names import comma_list, shortened, visible
+from puretf._text.names import abbreviated, comma_list, shortened, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -22,8 +21,9 @@ _FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
 #: The name of a part of a split recording: rosbag2 writes `name_0.mcap`, `name_1.mcap` and so on.
 #: A name that ends with a time is none: without a name, rosbag of ROS 1 begins each part with it.
 _PART = re.compile(r'.*(?<!-\d\d-\d\d-\d\d)_(0|[1-9]\d*)(\.(?:mcap|db3|bag))(?:\.zstd)?')
-#: The largest number of files that the text of an error lists.
-_SHOWN = 5
+#: The largest number of files that the text of an error lists, and of characters of an error of
+#: a library.
+_SHOWN, _LONGEST_ERROR = 5, 500
 #: The largest size of metadata (bytes), and the largest numbers of values one within another, and
 #: up to the end of the list of files.
 _LONGEST, _DEEPEST, _MOST_VALUES = 1_000_000, 20, 20_000
@@ -121,8 +121,20 @@ def resolved(recording: Recording) -> Recording:
     files = _listed(recording.path)
     others = [each.name for each in sorted(recording.path.iterdir()) if _FILE.search(each.name)]
     if others and not any(map(exists, files)):
-        raise BagError(renamed(recording.path, [each.name for each in files], others))
+        missing, rest = (comma_list(names, _SHOWN, visible)
+                         for names in ([each.name for each in files], others))
+        remedy = ('is not listed: give this file' if len(others) == 1 else
+                  'are not listed: give these files')
+        raise BagError(f'{recording.path} cannot be read: files that its metadata.yaml lists are '
+                       f'missing: {missing}; {rest} {remedy}')
     return Recording(recording.path, files, next(filterfalse(exists, files[:1]), None))
+
+
+def error_line(error: Exception) -> str:
+    """Return the text of an error, or its type, in one line that ends with one period."""
+    text = visible(' '.join(str(error).split())) or (
+        f'it is not as the library that reads it expects ({type(error).__name__})')
+    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
 
 
 def _listed(directory: Path) -> list[Path]:

@@ -9,10 +9,11 @@ SINCE_START = 100_000_000 * SECOND
 _OFFSETS = {'TAI - UTC': (37.0, 0.1),
             'GPS - UTC': (18.0, 0.1),
             'the GPS epoch': (315_964_800.0, 60.0)}
-_HOUR, _MOST_HOURS = 3600, 14
 #: By unit of time: its length (ns).
 _UNITS = {'seconds': SECOND, 'milliseconds': 1_000_000, 'microseconds': 1000}
 _DAY = 86_400 * SECOND
+#: Time zones: the least and the greatest difference (min), and the minutes of an hour that occur.
+_ZONES, _MINUTES = (60, 14 * 60), (0, 30, 45)
 #: What is stamped arrives up to this time (s) later.
 _LATENCY = 0.6
 
@@ -45,10 +46,14 @@ def known_offset(offset: int) -> str:
 
     >>> known_offset(-37 * SECOND), known_offset(8 * 3600 * SECOND), known_offset(SECOND)
     ('TAI - UTC', '8 hours: a time zone', '')
+    >>> known_offset(-19800 * SECOND), known_offset(900 * SECOND)
+    ('5 h 30 min: a time zone', '')
     """
     seconds, sign = abs(offset) / SECOND, -1 if offset < 0 else 1
-    hours = round(seconds / _HOUR)
-    offsets = {**_OFFSETS, f'{hours} hour{"s" * (hours > 1)}: a time zone': (
-        hours * _HOUR, 0.1)} if 1 <= hours <= _MOST_HOURS else _OFFSETS
+    offsets, zone = _OFFSETS, 15 * round(seconds / 900)  # in minutes
+    hours, minutes = divmod(zone, 60)
+    if _ZONES[0] <= zone <= _ZONES[1] and minutes in _MINUTES:
+        name = f'{hours} h {minutes} min' if minutes else f'{hours} hour{"s" * (hours > 1)}'
+        offsets = {**_OFFSETS, f'{name}: a time zone': (60 * zone, 0.1)}
     return next((name for name, (known, tolerance) in offsets.items()
                  if -tolerance <= (known - seconds) * sign <= tolerance + _LATENCY), '')

@@ -24,8 +24,8 @@ from puretf._text.names import comma_list, MAX_TOPICS, quoted, see, shortened
 from puretf._text.similar_names import suggest_names
 from puretf._text.times import exact_time, SECOND
 
-#: The largest number of causes in a text, and of words in it.
-_MOST_CAUSES, _MOST_WORDS = 2, 60
+#: The largest number of causes in a text, and of words with two of them.
+_MOST_CAUSES, _MOST_WORDS = 2, 56
 #: The sections that follow if no cause is known.
 _SECTIONS = {MISSING: 'A frame does not exist', SILENCE: 'A frame does not exist',
              UNCONNECTED: 'Two unconnected trees', PAST: 'Extrapolation into the past',
@@ -35,18 +35,14 @@ _SECTIONS = {MISSING: 'A frame does not exist', SILENCE: 'A frame does not exist
 
 def explain(facts: Facts) -> tuple[str, tuple[str, ...]]:
     """Return the text, and the codes of the causes that it names."""
-    all_causes = causes(RULES.values(), facts, facts.symptom)[:_MOST_CAUSES]
-    text, found = _known(facts, {cause.code for cause in all_causes}), list[Cause]()
-    for cause in all_causes:
-        longer = f'{text} {cause_text(cause)}'.strip()
-        if found and len(longer.split()) + 4 > _MOST_WORDS:
-            break
-        text, found = longer, [*found, cause]
+    found = causes(RULES.values(), facts, facts.symptom)[:_MOST_CAUSES]
+    known = _known(facts, {cause.code for cause in found})
     if not found:
-        text += _of_time(facts)
-    codes = tuple(cause.code for cause in found)
-    section = next((cause.section for cause in found), _SECTIONS[_section_of(facts)])
-    return text + _more(facts, section, bool(found)), codes
+        return known + _without_cause(facts), ()
+    texts = [known, *map(cause_text, found)]
+    if len(' '.join(texts).split()) > _MOST_WORDS:
+        del found[1:], texts[2:]
+    return ' '.join(texts).strip() + see(found[0].section), tuple(each.code for each in found)
 
 
 def cause_text(cause: Cause) -> str:
@@ -54,18 +50,9 @@ def cause_text(cause: Cause) -> str:
     return f'{cause.evidence}.{f" {cause.remedy}" if cause.remedy else ""}'
 
 
-def _more(facts: Facts, section: str, is_known: bool) -> str:
-    names = facts.names if facts.symptom != MISSING else ()
-    if is_known or not facts.around.topics or len(names) != 2 or not all(
-            re.fullmatch(r'[\w./-]+', name) for name in names):
-        return see(section)
-    return f'{see(section)}; tf_doctor {" ".join(names)}'
-
-
-def _section_of(facts: Facts) -> str:
-    edge = facts.edge
-    return ONE_TIME if edge and edge.oldest == edge.latest and not edge.has_dropped else (
-        facts.symptom)
+def text_of(code: str, facts: Facts) -> str:
+    """Return the text of one cause; '' if it is none."""
+    return ' '.join(map(cause_text, causes([RULES[code]], facts, facts.symptom)))
 
 
 #: Their evidence says when the data arrive, or how far they are from the clock.
@@ -111,29 +98,34 @@ def _arrivals(facts: Facts, edge: Edge) -> str:
     """Say when and from whom the last transform has come, if it is not the usual way."""
     around = facts.around
     if not arrives(facts):
-        node = around.node_of(edge.authority)
-        nodes = around.nodes(around.topics[-1])
-        who = (f' from {shortened(node)}' if node else '') or (
-            f'; on {around.topics[-1]} now: {comma_list(nodes, MAX_TOPICS, shortened)}'
-            if nodes else f'; nothing publishes on {around.topics[-1]} now')
+        node, topic = around.node_of(edge.authority), around.topics[-1]
+        nodes = comma_list(around.nodes(topic), MAX_TOPICS, shortened)
+        who = (f' from {shortened(node)}' if node else f'; on {topic} now: {nodes}' if nodes else
+               f'; nothing publishes on {topic} now')
         return f' The last one arrived {edge.silence / SECOND:.1f} s ago{who}.'
     if edge.stalled > RECENT:
         return f' Its stamp has not advanced for {edge.stalled / SECOND:.1f} s.'
-    text = ''
-    if around.now and abs(offset := data_offset(facts)) > RECENT:
-        text = (f' Data arrive {abs(offset) / SECOND:.1f} s '
-                f'{"ahead of" if offset > 0 else "behind"} the clock of this node.')
+    offset = data_offset(facts)
+    return '' if abs(offset) <= RECENT else (
+        f' Data arrive {abs(offset) / SECOND:.1f} s {"ahead of" if offset > 0 else "behind"} the '
+        'clock of this node.')
+
+
+def _without_cause(facts: Facts) -> str:
+    """Say more of an early time, and where to read on."""
+    now, edge, text = facts.around.now, facts.edge, ''
+    if facts.symptom == PAST and edge:
+        if now and now - facts.time > OTHER_CLOCK:
+            text = (f' That time is {(now - facts.time) / SECOND:.1f} s behind the clock of this '
+                    'node.')
+        elif not edge.has_dropped:
+            text = ' No earlier transform was received.'
+    has_one_time = edge and edge.oldest == edge.latest and not edge.has_dropped
+    text += see(_SECTIONS[ONE_TIME if has_one_time else facts.symptom])
+    if facts.around.topics and len(facts.names) == 2 and all(
+            re.fullmatch(r'[\w./-]+', name) for name in facts.names):
+        text += f'; tf_doctor {" ".join(facts.names)}'
     return text
-
-
-def _of_time(facts: Facts) -> str:
-    """Say more of an early time, if no cause is known."""
-    now, edge = facts.around.now, facts.edge
-    if facts.symptom != PAST or not edge:
-        return ''
-    return (f' That time is {(now - facts.time) / SECOND:.1f} s behind the clock of this node.'
-            if now and now - facts.time > OTHER_CLOCK else
-            '' if edge.has_dropped else ' No earlier transform was received.')
 
 
 # The ends of log lines
@@ -163,9 +155,9 @@ def clock_publishers(nodes: Sequence[str]) -> str:
     """Name the publishers of /clock; several make the time jump."""
     if len(nodes) == 1 and nodes[0]:
         return f' Publisher of /clock: {shortened(nodes[0])}.'
-    facts = Facts(CLEARED, Surroundings(clock_nodes=nodes, is_simulated=True))
-    return ''.join(f' {cause_text(cause)}' for cause in causes(
-        [RULES['two_clocks']], facts, CLEARED))
+    text = text_of('two_clocks', Facts(CLEARED, Surroundings(
+        clock_nodes=nodes, is_simulated=True)))
+    return text and f' {text}'
 
 
 # Without a lookup
@@ -176,13 +168,11 @@ _OF_TOPICS = ('wrong_type', 'volatile_listener', 'static_not_latched', 'incompat
               'other_namespace')
 
 
-def why_not_received(around: Surroundings, *codes: str, has_section: bool = True) -> str:
-    """Return why transforms may not arrive, of some causes; '' if there is no sign of one."""
-    found = causes([RULES[code] for code in codes or _OF_TOPICS], Facts(SILENCE, around), SILENCE)
-    if not found:
-        return ''
-    texts = ' '.join(cause_text(each) for each in found[:_MOST_CAUSES])
-    return texts + see(found[0].section) * has_section
+def why_not_received(around: Surroundings) -> str:
+    """Return why transforms may not arrive; '' if there is no sign of a cause."""
+    rules = [RULES[code] for code in _OF_TOPICS]
+    found = causes(rules, Facts(SILENCE, around), SILENCE)[:_MOST_CAUSES]
+    return ' '.join(map(cause_text, found)) + see(found[0].section) if found else ''
 
 
 def explain_silence(around: Surroundings) -> str:

@@ -1,7 +1,6 @@
 """The errors of lookups: tf2's words, and what follows them when the text is read."""
 
-from collections.abc import Sequence
-from functools import partial
+from itertools import takewhile
 from time import monotonic_ns
 from typing import Optional
 from weakref import ref
@@ -13,7 +12,6 @@ from puretf._causes.facts import (
     Facts,
     Frames,
     FUTURE,
-    Look,
     MISSING,
     ONE_TIME,
     PAST,
@@ -41,10 +39,11 @@ def check(tree: FrameTree, name: str, where: str) -> None:
     """Raise tf2's error if a frame does not exist; its text names the caller, `where`."""
     problem = tree.problem(name)
     if problem == texts.UNKNOWN_FRAME:
-        raise with_explanation(LookupException(texts.unknown_frame(name, where)),
+        raise with_explanation(LookupException(f'"{name}" passed to {where} does not exist. '),
                                _explanation(tree, MISSING, (name,)))
     if problem:
-        raise InvalidArgumentException(texts.invalid_argument(name, where, problem))
+        raise InvalidArgumentException(
+            f'Invalid argument "{name}" passed to {where} - {problem}')
 
 
 def check_for_lookup(tree: FrameTree, **frames: str) -> None:
@@ -57,7 +56,8 @@ def check_for_can_transform(tree: FrameTree, **frames: str) -> None:
     """Check frames as `check_for_lookup` does, with the errors of tf2's canTransform."""
     for argument, name in frames.items():
         if problem := tree.problem(name):
-            words = texts.invalid_frame_id(name, argument, problem)
+            words = (f'Invalid frame ID "{name}" passed to canTransform argument {argument} - '
+                     f'{problem}')
             if problem != texts.UNKNOWN_FRAME:
                 raise TransformException(words)
             raise with_explanation(TransformException(f'{words}. '),
@@ -95,12 +95,10 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
     """
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
     if meeting is None:
-        return _why_unconnected(tree, target, [*from_target][-1], source, [*from_source][-1])
+        return _why_unconnected(tree, target, source)
     now, worst, widest = monotonic_ns(), stopped_at, 0
     for chain in from_source, from_target:
-        for frame in chain:
-            if frame == meeting:
-                break
+        for frame in takewhile(meeting.__ne__, chain):
             history = tree.histories[frame]
             assert history is not None
             gap = history.distance_to(time)
@@ -129,15 +127,16 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END
                 ) -> ConnectivityException:
-    from_source, from_target, _ = tree.chains_to_meeting(source, target, time)
-    return with_explanation(
-        ConnectivityException(texts.unconnected(target, source)),
-        _why_unconnected(tree, target, [*from_target][-1], source, [*from_source][-1]))
+    return with_explanation(ConnectivityException(
+        f"Could not find a connection between '{target}' and '{source}' because they are not part "
+        'of the same tree.Tf has two or more unconnected trees.'),
+        _why_unconnected(tree, target, source, time))
 
 
-def _why_unconnected(tree: FrameTree, target: str, target_root: str, source: str, source_root: str
-                     ) -> Explanation:
-    """Explain that two frames have different roots."""
+def _why_unconnected(tree: FrameTree, target: str, source: str, time: int = END) -> Explanation:
+    """Explain that two frames have different roots at a time (ns)."""
+    source_root, target_root = (
+        [*chain][-1] for chain in tree.chains_to_meeting(source, target, time)[:2])
     for root in source_root, target_root:
         if (history := tree.histories[root]) is not None and not len(history):
             return _explanation(tree, CLEARED, (root,))
@@ -148,31 +147,31 @@ def _explanation(tree: FrameTree, symptom: str, names: tuple[str, ...],
                  roots: tuple[str, ...] = (), time: int = 0, edge: Optional[Edge] = None
                  ) -> Explanation:
     """Copy what is known now; the rest is asked when the text is read, without the lock."""
-    return partial(_explain, ref(tree), tree.look, tree.names if edge is None else (), symptom,
-                   names, roots, time, edge)
+    reference, look, known = ref(tree), tree.look, tree.names if edge is None else ()
 
+    def explained(error: TransformException) -> tuple[str, tuple[str, ...]]:
+        tree = reference()
+        frames = Frames(known) if tree is None else tree.facts(known)
+        return explain(Facts(symptom, look(), frames, names, roots, time, edge, error._waited,
+                             error._is_duration))
 
-def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: str,
-             names: tuple[str, ...], roots: tuple[str, ...], time: int, edge: Optional[Edge],
-             error: TransformException) -> tuple[str, tuple[str, ...]]:
-    tree = tree_ref()
-    return explain(Facts(symptom, look(), Frames(known) if tree is None else tree.facts(known),
-                         names, roots, time, edge, error._waited, error._is_duration))
+    return explained
 
 
 def too_long(tree: FrameTree, chain: list[str]) -> LookupException:
     """Return the error for a chain of ancestors that has too many edges, or is a loop."""
     # Copy the edges now, since the text of the error is written later, without the lock.
     edges = tree.newest_edges()
-    return with_explanation(LookupException(texts.LOOP), lambda _: (
+    words = 'The tf tree is invalid because it contains a loop.\n'
+    return with_explanation(LookupException(words), lambda _: (
         f'{as_string(edges)}\n{_loop(chain)}', ('loop',)))
 
 
-def _loop(chain: Sequence[str]) -> str:
+def _loop(chain: list[str]) -> str:
     """Name the frames of the loop at the upper end of a chain, or say that the chain is long."""
-    last = chain[-1]
-    earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
-    if not earlier:
-        return f'There is no loop, but a chain of more than {len(chain) - 1} edges.'
-    return (f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}. Remove one of '
-            f'these transforms.{see("Other faults")}')
+    last, *below = reversed(chain)
+    loop = [*takewhile(last.__ne__, below)]
+    if len(loop) == len(below):
+        return f'There is no loop, but a chain of more than {len(below)} edges.'
+    return (f'The loop: {" -> ".join(map(quoted, (last, *loop, last)))}. Remove one of these '
+            f'transforms.{see("Other faults")}')

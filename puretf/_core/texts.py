@@ -6,11 +6,9 @@ import logging
 from math import inf, isnan
 from time import monotonic
 
-from puretf._text.names import abbreviated, comma_list, MAX_TOPICS, shortened, TF_MESSAGE, visible
+from puretf._text.names import abbreviated, visible
 from puretf._text.times import display_time
 
-#: An error text that is longer than this (characters) is abbreviated.
-_LONGEST_ERROR = 500
 #: The largest number of frames of which it is remembered that there was a warning.
 _MAX_WARNED = 1000
 
@@ -19,24 +17,6 @@ _MAX_WARNED = 1000
 UNKNOWN_FRAME = 'frame does not exist'
 EMPTY_NAME = 'in tf2 frame_ids cannot be empty'
 LEADING_SLASH = "in tf2 frame_ids cannot start with a '/'"
-LOOP = 'The tf tree is invalid because it contains a loop.\n'
-
-
-def unknown_frame(name: str, where: str) -> str:
-    return f'"{name}" passed to {where} does not exist. '
-
-
-def invalid_argument(name: str, where: str, problem: str) -> str:
-    return f'Invalid argument "{name}" passed to {where} - {problem}'
-
-
-def invalid_frame_id(name: str, argument: str, problem: str) -> str:
-    return f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}'
-
-
-def unconnected(target: str, source: str) -> str:
-    return (f"Could not find a connection between '{target}' and '{source}' because they are not "
-            'part of the same tree.Tf has two or more unconnected trees.')
 
 
 def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, source: str
@@ -47,12 +27,11 @@ def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, 
     elif count == 1:
         words = (f'Lookup would require extrapolation at time {display_time(time)}, but only time '
                  f'{display_time(latest)} is in the buffer')
-    elif time > latest:
-        words = ('Lookup would require extrapolation into the future.  Requested time '
-                 f'{display_time(time)} but the latest data is at time {display_time(latest)}')
     else:
-        words = ('Lookup would require extrapolation into the past.  Requested time '
-                 f'{display_time(time)} but the earliest data is at time {display_time(oldest)}')
+        to, bound, limit = ('future', 'latest', latest) if time > latest else (
+            'past', 'earliest', oldest)
+        words = (f'Lookup would require extrapolation into the {to}.  Requested time '
+                 f'{display_time(time)} but the {bound} data is at time {display_time(limit)}')
     return f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
 
 
@@ -61,31 +40,28 @@ def _plain(name: str) -> str:
     return visible(abbreviated(name))
 
 
+def _of(child: str, authority: str) -> str:
+    return f'child_frame_id "{_plain(child)}" from authority "{_plain(authority)}"'
+
+
 def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> list[str]:
     """Return tf2's warnings about an invalid transform."""
     if parent != child and parent and child and not any(map(isnan, pose)):
-        return []
-    found = []
-    is_own_parent = parent == child
-    child, authority = _plain(child), _plain(authority)
+        return []  # as usual: write no text
+    publisher = f'authority "{_plain(authority)}"'
     numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
-    if is_own_parent:
-        found.append(f'TF_SELF_TRANSFORM: Ignoring transform from authority "{authority}" with '
-                     f'frame_id and  child_frame_id "{child}" because they are the same')
-    if not child:
-        found.append(f'TF_NO_CHILD_FRAME_ID: Ignoring transform from authority "{authority}" '
-                     'because child_frame_id not set ')
-    if not parent:
-        found.append(f'TF_NO_FRAME_ID: Ignoring transform with child_frame_id "{child}"  from '
-                     f'authority "{authority}" because frame_id not set')
-    if any(map(isnan, pose)):
-        found.append(f'TF_NAN_INPUT: Ignoring transform for child_frame_id "{child}" from '
-                     f'authority "{authority}" because of a nan value in the transform {numbers}')
-    if any(map(isnan, pose[3:])):
-        found.append('TF_DENORMALIZED_QUATERNION: Ignoring transform for child_frame_id '
-                     f'"{child}" from authority "{authority}" because of an invalid quaternion '
-                     f'in the transform {numbers.partition(") ")[2]}')
-    return found
+    return [text for applies, text in (
+        (parent == child, f'TF_SELF_TRANSFORM: Ignoring transform from {publisher} with frame_id '
+         f'and  child_frame_id "{_plain(child)}" because they are the same'),
+        (not child, f'TF_NO_CHILD_FRAME_ID: Ignoring transform from {publisher} because '
+         'child_frame_id not set '),
+        (not parent, 'TF_NO_FRAME_ID: Ignoring transform with child_frame_id '
+         f'"{_plain(child)}"  from {publisher} because frame_id not set'),
+        (any(map(isnan, pose)), f'TF_NAN_INPUT: Ignoring transform for {_of(child, authority)} '
+         f'because of a nan value in the transform {numbers}'),
+        (any(map(isnan, pose[3:])), 'TF_DENORMALIZED_QUATERNION: Ignoring transform for '
+         f'{_of(child, authority)} because of an invalid quaternion in the transform '
+         f'{numbers.partition(") ")[2]}')) if applies]
 
 
 def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: int) -> str:
@@ -98,86 +74,34 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
             'nodes only. This is logged once per frame.')
 
 
-# The errors of bags.
-
-
-def renamed(bag: object, listed: Sequence[str], others: Sequence[str]) -> str:
-    """Say that a metadata.yaml lists files that are missing, but not the others beside it."""
-    missing, rest = (comma_list(names, 5, visible) for names in (listed, others))
-    return (f'{bag} cannot be read: files that its metadata.yaml lists are missing: {missing}; '
-            f'{rest} ') + ('is not listed: give this file' if len(others) == 1 else
-                           'are not listed: give these files')
-
-
-def error_line(error: Exception) -> str:
-    """Return the text of an error, or its type, in one line that ends with one period."""
-    text = visible(' '.join(str(error).split())) or (
-        f'it is not as the library that reads it expects ({type(error).__name__})')
-    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
-
-
-def later_part(path: str, first: str) -> str:
-    """Say why a recording may have no static transforms, and what to do."""
-    return (f'{visible(path)} is without the first part of its recording, which usually has all '
-            f'static transforms: read {visible(first)}, too.')
-
-
-def no_tf(expected: Sequence[str], topics: Sequence[tuple[str, str]]) -> str:
-    """Say that a bag has no transforms on the expected topics; `topics`: all, with their types."""
-    others = sorted(f'{shortened(name)} ({shortened(msgtype)})' for name, msgtype in topics)
-    return (f'no {TF_MESSAGE} on {" or ".join(expected)}; its topics: '
-            f'{comma_list(others, MAX_TOPICS) or "none"}')
-
-
-def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
-    """Say in which other namespaces a bag has transforms; '': without one."""
-    if namespaces == ['']:
-        where = 'on topics without a namespace: omit the namespace'
-    else:
-        names = comma_list([shortened(name) or '/' for name in namespaces], MAX_TOPICS)
-        where = f'in the namespace {names}: pass namespace='
-    return f'no TFMessage on {" or ".join(expected)}, but {where}'
-
-
-def wrong_types(topics: Sequence[tuple[str, str]]) -> str:
-    """Say which topics of TF have another type."""
-    types = ' and '.join(f'{shortened(name)} has the type {shortened(msgtype)}'
-                         for name, msgtype in sorted(topics))
-    return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
-            'StaticTransformBroadcaster')
-
-
 # The warnings of this package, in the style of tf2's.
 
 
 def too_many_frames(child: str, limit: int, authority: str) -> str:
-    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{_plain(child)}" from '
-            f'authority "{_plain(authority)}" because max_frames of the buffer allows {limit} '
-            'frames. All other transforms with a new frame are ignored, too. Check whether a node '
-            'publishes a new frame name again and again.')
+    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for {_of(child, authority)} because '
+            f'max_frames of the buffer allows {limit} frames. All other transforms with a new '
+            'frame are ignored, too. Check whether a node publishes a new frame name again and '
+            'again.')
 
 
 def too_long_name(child: str, what: str, name: str, longest: int, authority: str) -> str:
     size = len(name.encode('utf-8', 'surrogatepass'))
-    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{_plain(child)}" from '
-            f'authority "{_plain(authority)}" because its {what} has {size} bytes; at most '
-            f'{longest} are allowed')
+    return (f'TF_LONG_FRAME_ID: Ignoring transform for {_of(child, authority)} because its {what} '
+            f'has {size} bytes; at most {longest} are allowed')
 
 
 def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
-    return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
-            f'"{_plain(child)}" from authority "{_plain(authority)}" before the cache time is '
-            f'over: at most {limit} are kept of one frame with this cache time. The oldest '
-            'transforms of every other frame with too many transforms are dropped, too. Check '
-            'whether the stamps of this frame advance too slowly.')
+    return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of {_of(child, authority)} '
+            f'before the cache time is over: at most {limit} are kept of one frame with this '
+            'cache time. The oldest transforms of every other frame with too many transforms are '
+            'dropped, too. Check whether the stamps of this frame advance too slowly.')
 
 
 def too_many_samples(child: str, limit: int, authority: str) -> str:
-    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{_plain(child)}" '
-            f'from authority "{_plain(authority)}" before the cache time is over: max_samples of '
-            f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
-            'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
-            'or raise max_samples.')
+    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of {_of(child, authority)} before '
+            f'the cache time is over: max_samples of the buffer allows {limit} dynamic '
+            'transforms. The oldest transforms of every other frame that receives new transforms '
+            'are dropped, too. Use a shorter cache time, or raise max_samples.')
 
 
 class ThrottledLog:

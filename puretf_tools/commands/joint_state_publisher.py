@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Optional
 
+from puretf import shortened
 from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import spinning_node
@@ -28,9 +29,12 @@ def command(file: Optional[str] = None, arguments: Mapping[str, str] = {},
     from puretf_tools.view.server import serve
     from puretf_tools.view.view import show
     with spinning_node('joint_state_publisher', ros_args, namespace) as node:
+        topic = node.resolve_topic_name(TOPIC)
+        if not description:
+            node.get_logger().info(f'waiting for a robot description on {shortened(topic)}')
         # With a file, what the network sends is not parsed.
-        descriptions = {node.resolve_topic_name(TOPIC): description} if description else None
-        feed = LiveFeed(node, JointStatePublisher(node, description), descriptions)
+        feed = LiveFeed(node, JointStatePublisher(node),
+                        {topic: description} if description else None)
         with serve(host, port) as server:
             show(feed, server, meshes)
     return 0

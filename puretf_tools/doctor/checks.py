@@ -17,6 +17,7 @@ from puretf import (
     exact_time,
     Frame,
     is_slip,
+    near_names,
     quoted,
     SECOND,
     shortened,
@@ -37,6 +38,7 @@ from puretf._causes.rules import known, registry, Rule
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
 from puretf_tools.doctor.tf_statistics import (
+    distances,
     FUTURE,
     LATE,
     NORM_TOLERANCE,
@@ -58,6 +60,8 @@ _GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
 _FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
 #: A move from pose to pose is a jump if it is this many times as fast as the frame usually is.
 _JUMP = 10
+#: Transforms that differ by less (m plus rad) are equal.
+_EQUAL = 1e-5
 #: A transform of /tf was sent once if none follows within this time (ns).
 _ONCE = 2 * SECOND
 #: Transforms that are late or from the future are reported if more than this part of them is.
@@ -222,28 +226,41 @@ _of_lookups('silent_publisher', 'Nothing has arrived from a publisher on /tf or 
         'A frame jumps or flickers', needs=('nodes',), meaning='Two publishers send the '
         'transform of one child at the same time, so the frame jumps between two poses.')
 def _two_publishers(observation: Observation) -> Iterator[_Fault]:
-    pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
+    pairs: dict[tuple[str, str, bool, bool], list[tuple[Track, Track]]] = {}
     again = {*chain.from_iterable(observation.recreated.values())}
     for tracks in observation.by_child.values():
         for a, b in combinations(tracks, 2):
             if (a.is_static == b.is_static and not {a.publisher, b.publisher} <= again
                     and _exist_together(observation, a, b)):
-                pairs.setdefault((a.publisher, b.publisher, a.is_static), []).append((a, b))
-    for group in pairs.values():
+                pairs.setdefault((a.publisher, b.publisher, a.is_static, a.is_static and (
+                    _are_equal(a, b))), []).append((a, b))
+    for (*_, are_equal), group in pairs.items():
         a, b = group[0]
         names = [observation.node_of(track) or 'a publisher' for track in (a, b)]
-        how_often = ('one transform each' if a.is_static else
-                     f'{a["count"]} transforms ({_hertz(a)}) and {b["count"]} ({_hertz(b)})')
+        what = ('equal transforms' if are_equal else
+                f'transforms that differ by {max(_distance(*pair) for pair in group):.3g} '
+                '(m plus rad)' if a.is_static else
+                f'{a["count"]} transforms ({_hertz(a)}) and {b["count"]} ({_hertz(b)})')
         children = [a.child for a, _ in group]
-        yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {how_often}',
-                     [a, b], children)
+        yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {what}',
+                     [a, b], children, severity=INFO if are_equal else '',
+                     remedy='One of the two is enough.' if are_equal else '')
+
+
+def _distance(a: Track, b: Track) -> float:
+    return float(distances(a['pose'][None, None], b['pose'][None, None])[0, 0])
+
+
+def _are_equal(a: Track, b: Track) -> bool:
+    """Return whether the last transforms of two tracks are equal."""
+    return _distance(a, b) < _EQUAL and [*a.parents][-1] == [*b.parents][-1]
 
 
 def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
     """Return False if one publisher has replaced the other, as when a node is restarted."""
     if a.is_static:
         # The publisher of a node that was killed exists for some seconds more.
-        is_same = (a['pose'] == b['pose']).all() and [*a.parents][-1] == [*b.parents][-1]
+        is_same = _are_equal(a, b)
         if observation.present is None:
             return not is_same
         return {a.publisher, b.publisher} <= {*observation.present} and not (
@@ -364,10 +381,21 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
         f' (there are no transforms on {observation.topics[1]})')
     for frame, topics in observation.topics_of.items():
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
+            is_no_place = _is_no_place(observation, frame)
             yield _Fault(f'{quoted(frame)} is in the headers on {_names(topics)}, but not among '
                          f'the {len(known)} frames of the transforms{static}. '
                          f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
-                         remedy=observation.missing_part)
+                         remedy='This is right if it is no place, as that of a joystick; '
+                         'otherwise, publish a transform to it.' if is_no_place else
+                         observation.missing_part, severity=INFO if is_no_place else '')
+
+
+def _is_no_place(observation: Observation, frame: str) -> bool:
+    """Return whether a frame has the name of its topics, and no sign of TF, as 'joy' on /joy."""
+    names = {topic.rpartition('/')[2] for topic in observation.topics_of[frame]}
+    links = {start + link for robot, start in observation.own_robots for link in robot.links}
+    return names == {frame} and frame not in links and not (
+        observation.missing_part or near_names(frame, observation.tree_of))
 
 
 @_check('joint_without_state', 'Send its position on the topic joint_states, with the time, and '
@@ -415,10 +443,12 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
         'trees, so these messages cannot be transformed into one frame.')
 def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
-    # a namespace for their topics and their frames may have trees of their own.
+    # a namespace for their topics and their frames may have trees of their own, and those whose
+    # frames differ by numbers only.
     robots: dict[str, dict[int, dict[str, list[str]]]] = {}
-    kinds = [next(i for i, other in enumerate(observation.trees[:_MOST_ROOTS] + [tree])
-                  if other is tree or _are_alike(tree, other)) for tree in observation.trees]
+    first: dict[tuple[str, ...], int] = {}
+    kinds = [first.setdefault(tuple(sorted(re.sub(r'\d+', '', name) for name in tree)), i)
+             for i, tree in enumerate(observation.trees)]
     for topic, headers in observation.own_headers.items():
         namespace = topic.split('/')[1]
         for frame in sorted(headers.frames):
@@ -489,28 +519,31 @@ def _share(tracks: Sequence[Track], field: str) -> str:
 
 @_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock',
         meaning=f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival, '
-        f'or more than {CACHE // SECOND} s ahead while others are in time: they are from another '
-        'clock, so lookups at the present time fail.')
+        f'or more than {CACHE // SECOND} s ahead or a known offset behind while others are in '
+        'time: they are from another clock, so lookups at the present time fail.')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     # If one such stamp makes others old, `time_goes_back` says it.
     told = {observation.refused[track].by for track in observation.refused
             if _is_refused_for_another(observation, track)}
     told.update(track for track, refused in observation.refused.items()
                 if refused.number > track['foreign'])
-    if observation.clock:
-        yield from _other_clock_than(observation, observation.clock, told)
-        return
-    jumps = {track for track in observation.tracks if _has_jumping_clock(observation, track)}
+    jumps = {track: delays for track in observation.tracks
+             if (delays := _clock_step(observation, track))}
     for tracks in observation.by_publisher(jumps.__contains__):
-        worst, children = max(tracks, key=itemgetter('largest_step')), [*map(_child_of, tracks)]
+        children = [*map(_child_of, tracks)]
+        worst = max(tracks, key=itemgetter('largest_step'))
+        before, after = map(_compared, jumps[worst])
         yield _Fault(
-            f'the stamps of {_names(children)} jump forward by {in_words(worst["largest_step"])} '
-            f'after {exact_time(worst["largest_step_at"])}, while transforms arrive as before',
-            tracks, severity='' if total(tracks, 'foreign') else WARNING, explains={
+            _step_text(tracks) + ('' if 'arrivals' in observation.not_known else
+                                  f'; before it, they are {before}, and after it {after}'),
+            tracks, severity=WARNING if after == _IN_TIME else '', explains={
                 **dict.fromkeys(('late', 'future', 'gap'), children),
                 **dict.fromkeys(_OF_MESSAGES[1:], _below(observation, children))},
             time=worst['largest_step_at'])
-    told |= jumps
+    told |= jumps.keys()
+    if observation.clock:
+        yield from _other_clock_than(observation, observation.clock, told)
+        return
     for tracks in observation.by_publisher(lambda track: track not in told and (
             track['foreign'] > _stalled(observation, track))):
         worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
@@ -524,16 +557,35 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             remedy=_clock_remedy(observation, worst['stamp'], tracks))
 
 
-def _has_jumping_clock(observation: Observation, track: Track) -> bool:
-    """Return whether stamps jump forward, while transforms arrive with a constant delay."""
-    if track['largest_step'] <= _SHORTEST_GAP or not (step := observation.step(track)):
-        return False
+def _clock_step(observation: Observation, track: Track) -> Optional[tuple[float, float]]:
+    """
+    Return the delays (ns) before and after a step of the clock that stamps; None: there is none.
+
+    Stamps step forward, while transforms arrive as before, and the delays are constant otherwise.
+    """
+    if not _has_long_step(track) or not (step := observation.step(track)):
+        return None
     parts = step.delays[:step.before + 1], step.delays[step.before + 1:]
     if min(map(len, parts)) < _FEWEST or _is_hole(observation, track):
-        return False
+        return None
     (low, before, high), (least, after, most) = (
-        np.quantile(part, (0.1, 0.5, 0.9)) for part in parts)
-    return bool(max(high - low, most - least) < LATE < before - after)
+        np.quantile(part, (0.1, 0.5, 0.9)).tolist() for part in parts)
+    return (before, after) if max(high - low, most - least) < LATE < before - after else None
+
+
+def _step_text(tracks: Sequence[Track]) -> str:
+    worst = max(tracks, key=itemgetter('largest_step'))
+    return (f'the stamps of {_names(map(_child_of, tracks))} step forward by '
+            f'{in_words(worst["largest_step"])} after {exact_time(worst["largest_step_at"])}, '
+            'while transforms arrive as before')
+
+
+_IN_TIME = 'in time'
+
+
+def _compared(delay: float) -> str:
+    return _IN_TIME if -FUTURE <= delay <= LATE else (
+        f'{in_words(delay)} {"behind" if delay > 0 else "ahead"}{_known(round(-delay))}')
 
 
 def _is_hole(observation: Observation, track: Track) -> bool:
@@ -579,7 +631,13 @@ def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] 
     if _fits_clock(observation, stamp):
         return ('Let all nodes, and this command, use one clock: set use_sim_time in all of them, '
                 'or in none.')
-    return _synchronise(observation, tracks)
+    return _play(observation, tracks) or _synchronise(observation, tracks)
+
+
+def _play(observation: Observation, tracks: Iterable[Track]) -> str:
+    """Return what to do if a bag is played; '': it is not."""
+    return 'Play the bag with --clock, and set use_sim_time.' if any(
+        'rosbag2_player' in observation.node_of(track) for track in tracks) else ''
 
 
 def _synchronise(observation: Observation, tracks: Iterable[Track]) -> str:
@@ -598,7 +656,7 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
         before = int(clock['oldest'] - track['latest'])
         after = int(track['oldest'] - clock['latest'])
         if (track['delays'] and max(before, after) > OTHER_CLOCK and track not in told
-                and track not in observation.stalls):
+                and not track.is_frozen):
             yield _Fault(f'all stamps of {shortened(track.child)} are at least '
                          f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
                          f'those of {shortened(clock.child)}', [track])
@@ -646,6 +704,8 @@ def _first_part(arrivals: NDArray[np.int64], stamps: NDArray[np.int64]) -> str:
     if largest > _FIRST_PART or np.ptp(delays) < _SPREAD or span < 2 * SECOND or (
             len(stamps) * SECOND < _LEAST_RATE * span):
         return ''
+    if not largest:
+        return 'nanosec is always 0 (whole seconds)'
     unit = ('milliseconds' if largest < 1000 else 'microseconds' if largest < 1_000_000 else '')
     return f'nanosec is never above {largest}{f", as {unit} are," if unit else ""}'
 
@@ -670,8 +730,9 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
             f'{"s" * (len(stamps) > 1)} {comma_list([*map(exact_time, stamps)], SHOWN)}'
             f'{"" if is_all else f", for {in_words(span)}"}', tracks,
             severity='' if any(stalls[track].is_last for track in tracks) else WARNING, explains={
-                **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back'), children),
-                **dict.fromkeys(_OF_MESSAGES, _below(observation, children))})
+                **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back')[:2 + is_all], children),
+                **dict.fromkeys(_OF_MESSAGES if is_all else _OF_MESSAGES[2:],
+                                _below(observation, children))})
 
 
 @_check('zero_stamp', 'Set the stamp to the time for which the transform is valid; with '
@@ -700,6 +761,10 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
             _clock_remedy(observation, stamp))
     for topic, offset, in_time in observation.off_clock.values():
         senders = observation.senders.get(topic.topic, ())
+        if offset > CACHE and any(
+                observation.node_of(track) in senders and abs(track.mean_delay + offset) < SECOND
+                for track in observation.tracks):
+            continue  # see other_clock
         yield _of_topic(
             observation, topic, topic.stamps != 0, 'have stamps of another clock: the clock of '
             f'{_names(senders or [topic.topic])} is {apart(offset, int(topic.stamps[-1]))} that '
@@ -716,7 +781,8 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
         if cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks):
             continue  # see other_clock
         ages = _ages(observation, topic)
-        if ages is not None and 2 * np.median(ages[found]) < np.median(topic.waits[found]):
+        if ages is not None and -FUTURE <= np.median(ages[found]) < np.median(
+                topic.waits[found]) / 2:
             continue  # the transforms are ahead; see future
         yield _of_topic(
             observation, topic, found, 'are too old: when they arrive, their transforms are up to '
@@ -927,15 +993,17 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     using = [node for node, uses in answers.items() if uses]
     others = [node for node, uses in answers.items()
               if not uses and _needs_time(observation, node)]
-    if not (using and others and observation.clocks):
+    clocks = {sender.node for sender in observation.clocks}
+    # A simulation beside a robot may use its own clock.
+    if not others or not clocks or all(
+            node in clocks and not _needs_time(observation, node) for node in using):
         return
     foreign = [node for node in others if _is_foreign(observation, node)]
     is_harmless = not foreign and not {*others} & {*observation.tf_listeners}
-    clocks = dict.fromkeys(sender.node for sender in observation.clocks)
     yield _Fault(
         f'use_sim_time is false in {_names(others)}, and true in {_names(using)}, while '
-        f'{_names(clocks)} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (), (),
-        others,
+        f'{_names(sorted(clocks))} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (),
+        (), others,
         severity=ERROR if foreign else INFO if is_harmless else '',
         # Those with the simulated clock are found if this node does not use it.
         explains=dict.fromkeys(
@@ -953,8 +1021,7 @@ def _needs_time(observation: Observation, node: str) -> bool:
 def _is_foreign(observation: Observation, node: str) -> bool:
     """Return whether a node sends stamps that are far from the time on /clock."""
     stamps = [int(track['stamp']) for track in observation.tracks
-              if observation.node_of(track) == node and not (
-                  track.is_static or track in observation.stalls)]
+              if observation.node_of(track) == node and not (track.is_static or track.is_frozen)]
     stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
                if headers.stamps and node in observation.senders.get(topic, ())]
     now = observation.clocks[0].stamp
@@ -971,15 +1038,29 @@ def _is_foreign(observation: Observation, node: str) -> bool:
         f'once much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published '
         'any more; lookups in between interpolate over the gap or wait.')
 def _gap(observation: Observation) -> Iterator[_Fault]:
+    paused: list[Track] = []
     for tracks in observation.by_publisher(partial(_has_gap, observation)):
         worst = max(tracks, key=itemgetter('largest_step'))
+        if _is_pause(observation, worst):
+            paused += tracks
+            continue
         beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
         before = int(worst['largest_step_at'])
+        hole = (f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
+                f'after {exact_time(before)}' if _is_hole(observation, worst) else
+                _step_text([worst]))
         yield _Fault(
-            f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
-            f'after {exact_time(before)}; the usual period is {worst.period / SECOND:.2g} s; '
+            f'{hole}; the usual period is {worst.period / SECOND:.2g} s; '
             f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} '
             'periods', tracks, time=before)
+    if paused:
+        worst = max(paused, key=itemgetter('largest_step'))
+        before = int(worst['largest_step_at'])
+        yield _Fault(
+            f'nothing has arrived on any topic for {in_words(worst["largest_step"])} after '
+            f'{exact_time(before)}', paused, severity=INFO, time=before,
+            remedy='If the recording was not paused, look at the computer that has recorded.'
+            if observation.has_record_times else 'Look at this computer.')
     end = max((track['last_time'] for track in observation.tracks if not track.is_static),
               default=0)
     end = max(end, observation.end)
@@ -989,17 +1070,60 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
              and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
     for tracks in observation.by_publisher(ended.__contains__):
         silence = max(end - track['last_time'] for track in tracks)
+        node = shortened(_ended_node(observation, tracks[0]))
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
-                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before', tracks,
+                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before'
+                     f'{f"; {node} has ended" if node else ""}', tracks,
+                     remedy=RULES['gap'].remedy.format(node=node) if node else '',
                      time=min(int(track['latest']) for track in tracks))
 
 
+def _ended_node(observation: Observation, track: Track) -> str:
+    """Return the node of a track if it does not publish any more; '': it does, or may."""
+    node = observation.node_of(track)
+    if observation.present is None or track.publisher in observation.present or node in {
+            *(observation.nodes.get(each, '') for each in observation.present),
+            *(each.node for each in observation.around.publishers or ())}:
+        return ''
+    return node
+
+
 def _has_gap(observation: Observation, track: Track) -> bool:
-    steps, period = int(track['steps'].sum()), max(track.period, _SHORTEST_PERIOD)
-    return steps >= _FEWEST and bool(
-        track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps)
-        or (track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
-            and _is_hole(observation, track)))
+    return track['steps'].sum() >= _FEWEST and (_has_many_gaps(track) or (
+        _has_long_step(track) and not _clock_step(observation, track)
+        and (track not in observation.stalls or _is_hole(observation, track))))
+
+
+def _has_long_step(track: Track) -> bool:
+    return bool(track['largest_step'] > max(_GAP * track.period, _SHORTEST_GAP))
+
+
+def _has_many_gaps(track: Track) -> bool:
+    return bool(track.steps_beyond(_GAP * max(track.period, _SHORTEST_PERIOD))
+                >= max(_FEWEST_GAPS, _JITTER * track['steps'].sum()))
+
+
+def _is_pause(observation: Observation, track: Track) -> bool:
+    """Return whether nothing else has arrived during the largest step of a track, either."""
+    step, statistics, node = observation.step(track), observation.statistics, (
+        observation.node_of(track))
+    if not step or _has_many_gaps(track):
+        return False
+    begin, end = step.arrivals[step.before:step.before + 2].tolist()
+    others = [(np.array(headers.arrivals), node and node in observation.senders.get(topic, ()))
+              for topic, headers in observation.headers.items() if headers.arrivals]
+    others += [(times, track in tracks or (node and node in map(observation.node_of, tracks)))
+               for tracks, times in statistics.sources()]
+    is_paused = False
+    for arrivals, is_own in others:
+        times = statistics.clock.at(arrivals)
+        if times is None or ((begin + _SHORTEST_GAP < times)
+                             & (times < end - _SHORTEST_GAP)).any():
+            return False
+        period = (np.ptp(times) - (end - begin)) / len(times)
+        is_paused |= not is_own and times.min() < begin and end < times.max() and (
+            end - begin > max(_GAP * period, 2 * _SHORTEST_GAP))
+    return bool(is_paused)
 
 
 @_check('message_early',
@@ -1037,7 +1161,10 @@ def _instead_of_waiting(observation: Observation, edge: Edge,
         meaning='Messages have the stamp 0, so every lookup takes the latest transform.')
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
-        yield _of_topic(observation, topic, found, 'have the stamp 0')
+        fault = _of_topic(observation, topic, found, 'have the stamp 0')
+        yield fault if topic.edges else fault._replace(
+            severity=INFO, remedy='This is right if the latest transform is meant, as for markers '
+            'of RViz: nothing moves above their frame.')
 
 
 @_check('jump', 'If two nodes publish the frame, stop one of them; otherwise, look at the node '
@@ -1087,10 +1214,17 @@ def _late(observation: Observation) -> Iterator[_Fault]:
         worst = max(tracks, key=itemgetter('greatest_delay'))
         # Stamps of the future can make the mean negative.
         mean = f'{in_words(worst.mean_delay)}, the largest ' if worst.mean_delay > 0.0 else ''
-        yield _Fault(f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
-                     f'stamp; the {"mean" if mean else "largest"} delay of '
-                     f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}'
-                     f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}', tracks)
+        known = _known_offset(observation, worst.mean_delay, worst['stamp'])
+        text = (f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
+                f'stamp; the {"mean" if mean else "largest"} delay of '
+                f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}{known}')
+        others = known and worst['greatest_delay'] - worst['least_delay'] < SECOND and (
+            _in_time(observation))
+        yield _Fault(
+            f'{text}; {others} are in time', tracks, code='other_clock',
+            remedy=_clock_remedy(observation, worst['stamp'], tracks), explains=dict.fromkeys(
+                _OF_MESSAGES, _below(observation, [*map(_child_of, tracks)])),
+        ) if others else _Fault(text, tracks, remedy=_play(observation, tracks))
 
 
 def _is_frequent(observation: Observation, track: Track, field: str) -> bool:
@@ -1110,15 +1244,11 @@ def _future(observation: Observation) -> Iterator[_Fault]:
                 f'ahead ({shortened(worst.child)})'
                 f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}')
         is_synchronised = ahead is not None and abs(ahead) <= FUTURE
-        others = [track for track in observation.tracks if track['delays'] and not (
-            track in tracks or _is_frequent(observation, track, 'future'))]
-        if worst.mean_delay < -CACHE and (others or _has_messages_in_time(observation)):
-            nodes = {*map(observation.node_of, tracks)} - {''}
-            yield _Fault(
-                f'{text}; {"other frames are" if others else "other messages are"} in time',
-                tracks, remedy=_clock_remedy(observation, worst['stamp'], tracks),
-                code='other_clock', explains={'message_other_clock': nodes})
-        elif others and worst.mean_delay < _CONSTANT * worst['least_delay'] and (
+        others = _in_time(observation)
+        if worst.mean_delay < -CACHE and others:
+            yield _Fault(f'{text}; {others} are in time', tracks, code='other_clock',
+                         remedy=_clock_remedy(observation, worst['stamp'], tracks))
+        elif others == _FRAMES and worst.mean_delay < _CONSTANT * worst['least_delay'] and (
                 is_synchronised or (observation.has_record_times and _is_localisation(worst)
                                     and worst['least_delay'] > -_MOST_LEAD)):
             yield _Fault(f'{text}; the lead is constant, and other frames are in time', tracks,
@@ -1132,9 +1262,19 @@ def _future(observation: Observation) -> Iterator[_Fault]:
                 if is_synchronised else ''))
 
 
-def _has_messages_in_time(observation: Observation) -> bool:
-    return any(-FUTURE <= np.median(ages) <= LATE for topic in observation.message_times
-               if len(topic.stamps) and (ages := _ages(observation, topic)) is not None)
+_FRAMES, _MESSAGES = 'other frames', 'other messages'
+
+
+def _in_time(observation: Observation) -> str:
+    """Return what arrives at the time of its stamps: frames, or other messages; '': nothing."""
+    for track in observation.tracks:
+        is_off = any(_is_frequent(observation, track, field)
+                     for field in ('late', 'future', 'foreign'))
+        if track['delays'] and -FUTURE <= track.mean_delay <= LATE and not is_off:
+            return _FRAMES
+    return _MESSAGES if any(
+        -FUTURE <= np.median(ages) <= LATE for topic in observation.message_times
+        if len(topic.stamps) and (ages := _ages(observation, topic)) is not None) else ''
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
@@ -1254,11 +1394,7 @@ def _part_prefix(observation: Observation) -> Iterator[_Fault]:
 
 def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
     """Return whether two trees are those of similar robots: the names differ on purpose."""
-    if len(names) != len(others):
-        return False
-    kinds, other_kinds = (sorted(re.sub(r'\d+', '', name) for name in each)
-                          for each in (names, others))
-    return kinds == other_kinds or all(
+    return len(names) == len(others) and all(
         is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
 
 

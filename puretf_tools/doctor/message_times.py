@@ -68,6 +68,12 @@ class Edge:
         """The newest stamp (ns)."""
         return int(self.newest[-1])
 
+    def arrives_at(self, time: int) -> bool:
+        """Return whether transforms still arrive at a time (ns), as often as before."""
+        periods = np.diff(self.arrivals)
+        return bool(time - self.arrivals[-1] < max(
+            _LAST, _WAITS * float(np.median(periods)) if len(periods) else 0.0))
+
     def oldest_at(self, times: _Array) -> tuple[_Array, NDArray[np.bool_]]:
         """
         Return the oldest stamps that are kept at some times, and whether they are the first ever.
@@ -258,8 +264,9 @@ def _judge(stamps: _Array, arrivals: _Array, edges: Sequence[Edge], begin: _Arra
         [Verdict.ZERO_STAMP, Verdict.AT_ONCE, Verdict.OTHER_CLOCK, Verdict.START, Verdict.TOO_OLD,
          Verdict.AT_ONCE, Verdict.WAITS], Verdict.NEVER)
     usual = (ready - arrivals)[np.isin(verdicts, (Verdict.AT_ONCE, Verdict.WAITS))]
-    patience = max(_LAST, _WAITS * float(np.median(usual)) if len(usual) else 0.0)
-    verdicts[(verdicts == Verdict.NEVER) & (end - arrivals < patience)] = Verdict.END
+    longest = max(_LAST, _WAITS * float(np.median(usual)) if len(usual) else 0.0)
+    patience = np.array([longest if edge.arrives_at(end) else _LAST for edge in edges] or [_LAST])
+    verdicts[(verdicts == Verdict.NEVER) & (end - arrivals < patience[slowest])] = Verdict.END
     waits = np.select([verdicts == Verdict.WAITS, verdicts == Verdict.TOO_OLD],
                       [ready - arrivals, needed_cache], 0)
     return verdicts, waits, slowest

@@ -121,7 +121,7 @@ class Observation:
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
-        moving = [track for track in self.tracks if track not in self.stalls]
+        moving = [track for track in self.tracks if not track.is_frozen]
         if self.has_record_times and 2 * total(moving, 'foreign') > total(
                 moving, 'delays') and not any(track.alternates for track in moving):
             self.clock = max(moving, key=itemgetter('delays'))

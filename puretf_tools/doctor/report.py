@@ -48,7 +48,7 @@ class Report(NamedTuple):
             texts = [f'{finding.evidence.rstrip(".")}.',
                      *([f'{where[0].upper()}{where[1:]}.'] if where else []),
                      (finding.remedy + see(finding.section)).strip()]
-            lines += [visible(f'{finding.severity} {finding.code}: {names}'),
+            lines += [visible(f'{finding.severity} {finding.code}{names and ": "}{names}'),
                       *(line for text in texts for line in wrapped(visible(text), '    ')), '']
         if self.topics:
             lines += [*map(visible, _table(self.topics)), '']

@@ -6,7 +6,7 @@ Of each message, only its time of arrival and its stamps are kept (16 bytes, if 
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import ceil, log2
 from typing import Any, Optional
 
@@ -175,9 +175,14 @@ class Statistics(Counts):
 
     def span_of_arrivals(self) -> tuple[int, ...]:
         """Return when the first and the last dynamic transform have arrived (ns), if known."""
-        times = [np.asarray(times) for times, _ in self._arrivals.values()]
+        times = [times for _, times in self.sources()]
         return (int(min(each.min() for each in times)), int(max(each.max() for each in times))
                 ) if times else ()
+
+    def sources(self) -> Iterator[tuple[list[Track], NDArray[np.int64]]]:
+        """Yield the dynamic tracks whose transforms arrive together, and when they arrive (ns)."""
+        for key, (times, _) in self._arrivals.items():
+            yield [self._tracks[number] for number in key], np.asarray(times)
 
     def together(self, tracks: Iterable[Track]) -> frozenset[tuple[int, ...]]:
         """Return a key for `arrivals`: equal for tracks whose transforms arrive together."""
@@ -318,13 +323,13 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
                                      values['pose_before'])[None], last[None], poses])
     spans = np.where((stamps < before) | (stamps - before > _LONGEST_MOVE), np.inf,
                      np.maximum((stamps - before) / SECOND, _SHORTEST_MOVE))
-    moves = _distances(chain[2:], chain[1:-1])
+    moves = distances(chain[2:], chain[1:-1])
     speeds = moves / spans
     both = np.concatenate([values['speed'][None], speeds])
     usual = np.minimum(both[1:], both[:-1])
     values['speed'], values['pose_before'] = speeds[-1], chain[-2]
     if moves.max() >= SMALLEST_JUMP:
-        usual = np.minimum(usual, _distances(chain[2:], chain[:-2]) / (2.0 * spans))
+        usual = np.minimum(usual, distances(chain[2:], chain[:-2]) / (2.0 * spans))
         _keep_largest(values, largest_speed=speeds, jump=moves, jump_at=stamps)
         rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
         bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
@@ -333,7 +338,7 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
     values['usual_speed'] = np.maximum(values['usual_speed'], usual.max(axis=0))
 
 
-def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     Return distance (m) plus angle (rad) between (m, n, 7) poses; 0 where it is not finite.
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from time import monotonic
-from typing import Optional, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from puretf import comma_list, full_name, shortened
 from puretf_tools.cli.parser import UsageError
@@ -11,14 +11,12 @@ from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy, TOPIC
 from puretf_tools.robot.joint_positions import JointPositions
+from puretf_tools.robot.observed import JOINT_STATE
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from sensor_msgs.msg import JointState
 
-#: The smallest and the largest rate of the messages (Hz).
-RATES = 0.1, 1000.0
-_TYPE = 'sensor_msgs/msg/JointState'
 _COMMAND = '/joint_command'
 #: The time between two looks at the nodes in the network (s).
 _PERIOD = 1.0
@@ -53,16 +51,28 @@ class JointControl:
     def wave(self) -> None:
         """Let the robot move by itself."""
 
+    def take_reported(self) -> None:
+        """Take the positions that the robot has reported last, if it reports them."""
+
 
 class JointControls:
-    """The robots whose joints viewers can move."""
+    """The robots whose joints viewers can move; which there are is looked up once a second."""
 
     controls: Sequence[JointControl] = ()
     why_none = ''  #: why there is no control, and what to do
     come_first = False  #: whether the sliders are in the first tab
+    _next = 0.0
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        """Look which robots there are; `descriptions`: those in the network, by topic."""
+        """Follow the robots; `descriptions`: those in the network, by topic."""
+        if monotonic() >= self._next:
+            self._next = monotonic() + _PERIOD
+            self._look(descriptions)
+        for control in self.controls:
+            control.take_reported()
+
+    def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        raise NotImplementedError
 
 
 class JointStatePublisher(JointControls):
@@ -70,9 +80,9 @@ class JointStatePublisher(JointControls):
 
     come_first = True
 
-    def __init__(self, node: 'Node', description: Optional[Description] = None) -> None:
+    def __init__(self, node: 'Node') -> None:
         """
-        Start; `description`: None: take that on the topic robot_description.
+        Start; the description is that on the topic robot_description.
 
         :raises UsageError: if the parameter `rate` is invalid.
         """
@@ -81,58 +91,44 @@ class JointStatePublisher(JointControls):
         # With dynamic typing, an integer is accepted, too.
         rate = node.declare_parameter('rate', 10.0, ParameterDescriptor(
             dynamic_typing=True, read_only=True, description='rate of the messages (Hz)')).value
-        if not isinstance(rate, (int, float)) or isinstance(rate, bool) or not (
-                RATES[0] <= rate <= RATES[1]):
-            raise UsageError(f'rate must be a number from {RATES[0]:g} to {RATES[1]:g} Hz, '
-                             f'got {rate!r}')
+        if type(rate) not in (int, float) or not 0.1 <= rate <= 1000.0:
+            raise UsageError(f'rate must be a number from 0.1 to 1000 Hz, got {rate!r}')
         self._node = node
         self._publisher = node.create_publisher(JointState, 'joint_states', 10)
-        topic = self._publisher.topic_name
-        self.controls = [JointControl(topic, description)] if description else []
-        #: The topic of the description; '': it is given.
-        self._source = '' if description else node.resolve_topic_name(TOPIC)
+        self._source = node.resolve_topic_name(TOPIC)
         self.why_none = (
             f'No robot description has arrived on {shortened(self._source)}: start '
             'robot_state_publisher FILE, or pass FILE to joint_state_publisher, too.')
-        if not description:
-            node.get_logger().info(
-                f'waiting for a robot description on {shortened(self._source)}')
-        self._next, self._warned = 0.0, ''
+        self._warning = ''
         node.create_timer(1.0 / rate, self._publish)
 
-    def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+    def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         found = descriptions.get(self._source)
         if isinstance(found, str):
             self.why_none = found
-        elif found and self.controls:
-            self.controls[0].set_description(found)
         elif found:
-            self.controls = [JointControl(self._publisher.topic_name, found)]
-        if monotonic() >= self._next:
-            self._next = monotonic() + _PERIOD
-            warning = self._warning()
-            if warning and not self._warned:
-                self._node.get_logger().warning(warning)
-            self._warned = warning
+            self.controls = self.controls or [JointControl(self._publisher.topic_name, found)]
+            self.controls[0].set_description(found)
+        before, self._warning = self._warning, self._others()
+        if self._warning and not before:
+            self._node.get_logger().warning(self._warning)
         for control in self.controls:
-            control.warning = self._warned
+            control.warning = self._warning
 
     def _publish(self) -> None:
         for control in self.controls:
             self._publisher.publish(_message(self._node, control.positions.all()))
 
-    def _warning(self) -> str:
+    def _others(self) -> str:
         """Return which other nodes publish joint states; '' if there are none."""
         from puretf.publisher_listener import node_of, UNKNOWN
-        topic = self._publisher.topic_name
-        names = [name for info in self._node.get_publishers_info_by_topic(topic)
-                 if (name := node_of(info)) != UNKNOWN]
-        own = self._node.get_fully_qualified_name()
-        if own in names:
-            names.remove(own)
-        return (f'{comma_list(sorted(names), 5, shortened)} publishes on {shortened(topic)}, too: '
-                'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
-                ) if names else ''
+        topic, own = self._publisher.topic_name, self._node.get_fully_qualified_name()
+        names = [*map(node_of, self._node.get_publishers_info_by_topic(topic))]
+        others = [name for name in names if name not in (own, UNKNOWN)] + [own] * (
+            names.count(own) - 1)  # another node may have the same name
+        return (f'{comma_list(sorted(others), 5, shortened)} publishes on {shortened(topic)}, '
+                'too: robot_state_publisher takes both, so the robot jumps. End one of the '
+                'publishers.') if others else ''
 
 
 class JointCommander(JointControl):
@@ -161,7 +157,6 @@ class JointCommander(JointControl):
         self._states.close()
 
     def take_reported(self) -> None:
-        """Take the positions that have been reported last."""
         now = monotonic()
         for state in filter(None, map(self._reader.read, self._states.take())):
             for name, position in zip(state.name, state.position):
@@ -191,31 +186,27 @@ class JointCommanders(JointControls):
     """The nodes that listen to a topic joint_command."""
 
     def __init__(self, node: 'Node') -> None:
-        self._node, self._next = node, 0.0
-        #: By topic, and the namespace of a node that listens to it.
+        self._node = node
+        #: By topic, and the namespace of the node that listens to it.
         self._commanders: dict[tuple[str, str], JointCommander] = {}
-        self._listeners: list[tuple[str, str]] = []  # the same of all nodes, the nearest last
 
-    def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        if is_due := monotonic() >= self._next:
-            self._next = monotonic() + _PERIOD
-            self._listeners = sorted(islice(self._listening(), _MOST), key=lambda each: (
-                each[0], len(each[1]), each[1]))
+    def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        known = {topic: each for topic, each in descriptions.items()
+                 if isinstance(each, Description)}
         # Others listen, too, such as a recorder; of several, that in the longest namespace counts.
-        nearest = {topic: (namespace, description) for topic, namespace in self._listeners
-                   if isinstance(description := descriptions.get(full_name(namespace, TOPIC)),
-                                 Description)}
-        found = {(topic, namespace): description
-                 for topic, (namespace, description) in nearest.items()}
-        for key in self._commanders.keys() - found.keys():
+        namespaces = {
+            topic: namespace for topic, namespace in sorted(
+                islice(self._listening(), _MOST), key=lambda each: (len(each[1]), each[1]))
+            if full_name(namespace, TOPIC) in known}
+        for key in self._commanders.keys() - namespaces.items():
             self._commanders.pop(key).close()
-        for key, description in found.items():
+        for key in sorted(namespaces.items()):
+            description = known[full_name(key[1], TOPIC)]
             if key not in self._commanders:
                 self._commanders[key] = JointCommander(self._node, *key, description)
             self._commanders[key].set_description(description)
-            self._commanders[key].take_reported()
         self.controls = [*self._commanders.values()]
-        if is_due and not self.controls:
+        if not self.controls:
             self.why_none = self._why_none(descriptions)
 
     def _why_none(self, descriptions: Iterable[str]) -> str:
@@ -232,9 +223,9 @@ class JointCommanders(JointControls):
         """Yield each topic joint_command with the namespace of each node that listens to it."""
         from puretf.publisher_listener import node_of, UNKNOWN
         for topic, types in sorted(self._node.get_topic_names_and_types()):
-            if topic.endswith(_COMMAND) and _TYPE in types:
+            if topic.endswith(_COMMAND) and JOINT_STATE in types:
                 for info in self._node.get_subscriptions_info_by_topic(topic):
-                    if info.topic_type == _TYPE and node_of(info) != UNKNOWN:
+                    if info.topic_type == JOINT_STATE and node_of(info) != UNKNOWN:
                         yield topic, info.node_namespace
 
 

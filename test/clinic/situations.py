@@ -173,6 +173,7 @@ FAULTY = [
       for row, offset, word in (
           ('2.19 ', -37.0, 'TAI'), ('2.21 ', 37.0, 'TAI'), ('', 18.0, 'GPS'), ('', -18.1, 'GPS'),
           ('2.22 ', -28800.0, '8 hours'), ('', 7200.0, '2 hours'),
+          ('', 19800.0, '5 h 30 min'),
           ('2.25 ', -315_964_782.0, 'GPS epoch'), ('2.24 ', 1868.0 - NOW / S, 'power-on'))
       for begin in (-3.0, LONG)),
     clock_off('', 4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),
@@ -459,6 +460,8 @@ FAULTY = [
                 'the time on /clock of /gazebo has stood at 100.000000000 s for 20.0 s.']),
     Situation('an INS on GPS time, and scans in time', World(
         [DRIVER._replace(offset=18.0), LASER], sensors=[Sensor()]), [], ['other_clock']),
+    Situation('an INS whose clock is 18 s behind GPS time, as all others have it', World(
+        [DRIVER._replace(offset=-18.0), SLAM, LASER], sensors=[Sensor()]), [], ['other_clock']),
     Situation('a localiser whose clock is 25 s ahead', World(
         [DRIVER, LASER, SLAM._replace(offset=25.0)], sensors=[Sensor()]), [], ['other_clock']),
     Situation('a camera whose frame and images are on TAI', World(
@@ -473,9 +476,9 @@ FAULTY = [
     Situation('a frame was sent once on /tf, and images of it', World(
         [DRIVER, Sender('/s', ['base_link cam'], 0, begin=-12.0)], sensors=[Sensor(frame='cam')]),
         [], ['one_shot']),
-    Situation('a localiser stops, and scans', World(
-        [DRIVER, LASER, SLAM._replace(end=-8.0)], sensors=[Sensor()]), [],
-        ['message_never', 'gap']),
+    Situation('a localiser that is 3 s late stops, and scans', World(
+        [DRIVER, LASER, SLAM._replace(offset=-3.0, end=-8.0)], sensors=[Sensor()]), [],
+        ['message_never', 'gap', 'message_early', 'late']),
     Situation('a controller starts again, and begins at 0', World([DRIVER._replace(
         rate=30.0, stamp=lambda time: time - NOW + (900 if time < NOW - 6 * S else 6) * S)]), [],
         ['other_clock', 'time_goes_back']),
@@ -487,11 +490,32 @@ FAULTY = [
             frame='cam')]), [], ['frozen_stamp']),
     Situation('a stamp stood for a while', World([DRIVER._replace(stamp=lambda time: (
         NOW - 15 * S if -15 * S <= time - NOW < -10 * S else time))]), [], ['frozen_stamp']),
+    Situation('a stamp stood for a while, and the node stopped later', World([DRIVER._replace(
+        stamp=lambda time: NOW - 18 * S if -18 * S <= time - NOW < -16 * S else time,
+        is_lost=lambda i: 200 < i < 300)]), [], ['frozen_stamp', 'gap']),
     Situation('a backlog grows, and is dropped', World([DRIVER._replace(stamp=lambda time: (
-        time - (time - NOW + 20 * S) // 2 if time < NOW - 4 * S else time))]), [], ['late']),
+        time - (time - NOW + 20 * S) // 2 if time < NOW - 4 * S else time))]), [],
+        ['gap', 'late']),
+    Situation('a GPS clock finds satellites, and steps to GPS time', World([DRIVER._replace(
+        stamp=lambda time: time + 18 * S * (time >= NOW - 8 * S)), LASER], sensors=[Sensor()]),
+        [], ['other_clock']),
     Situation('a node crashes and starts again', World([DRIVER._replace(
         begin=-20.0 + 2 * k, end=-18.8 + 2 * k, has_ended=k < 9) for k in range(10)]), [],
         ['many_publishers']),
+    Situation('two static transforms that differ by 15 mm', World([DRIVER, LASER, LASER._replace(
+        node='/camera', pose=lambda _: (0.015, *STILL[1:]))]), [], ['two_publishers']),
+    *(Situation(f'a scan on {topic} in the frame {frame}', World([DRIVER, LASER], sensors=[
+        Sensor(topic=topic, frame=frame)]), [], ['unknown_frame'])
+      for topic, frame in (('/scan', 'lidar_link'), ('/lasr', 'lasr'))),
+    Situation('a topic has the name of a link of the robot', World([DRIVER, LASER], sensors=[
+        Sensor(topic='/tip', frame='tip')], robots=[Robot(
+            '/robot_description', '', 'base_link', ['base_link', 'tip'])]), [],
+        ['unknown_frame', 'link_without_transform']),
+    Situation('whole seconds', World([DRIVER._replace(stamp=lambda time: time // S * S)]), [],
+              ['nanosec']),
+    Situation('a driver stops for 6 s, and scans go on', World([DRIVER._replace(
+        is_lost=lambda i: 200 < i < 320), LASER], sensors=[Sensor()]), [],
+        ['gap', 'message_early']),
     Situation('a lamp beside two robots whose frames have numbers', World(
         [Sender('/e1', ['odom_1 base_1']), Sender('/e2', ['odom_2 base_2']),
          Sender('/lamp', ['world lamp'])], sensors=[
@@ -681,6 +705,16 @@ WELL = [
     ('two robots whose frames have numbers, and their scans', [
         Sender(f'/e{i}', [f'odom_{i} base_{i}']) for i in (1, 2)], {'sensors': [
             Sensor(f'/l{i}', f'/scan_{i}', f'base_{i}') for i in (1, 2)]}),
+    ('a joystick', [DRIVER, LASER], {'sensors': [Sensor('/joy_node', '/joy', 'joy')]}),
+    ('markers in the root at the latest time', [SLAM, DRIVER], {'sensors': [
+        Sensor('/viz', '/markers', 'map', stamp=lambda _: 0)]}),
+    ('a simulation beside the robot', [DRIVER, LASER], {
+        'clock_nodes': ['/twin'], 'use_sim_time': {'/twin': True, '/driver': False}}),
+    ('recording is paused', [
+        DRIVER._replace(is_lost=lambda i: 200 < i < 320),
+        SLAM._replace(is_lost=lambda i: 100 < i < 160)], {}),
+    ('two nodes send an equal static transform', [
+        DRIVER, LASER, LASER._replace(node='/camera')], {}),
     ('a scan at 40 Hz that is 0.05 s late', [DRIVER, LASER], {'sensors': [
         Sensor(rate=40.0, takes=0.05)]}),
     ('an image that takes 0.3 s', [DRIVER, LASER], {'sensors': [Sensor(takes=0.3)]}),

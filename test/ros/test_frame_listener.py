@@ -13,38 +13,38 @@ def test_the_remedies(ros, make_node, monkeypatch):
     listener = FrameListener(make_node('listener', namespace='/a', cli_args=[
         '--ros-args', '-r', '/tf:=/a/tf', '-r', '/tf_static:=/a/tf_static']))
     assert listener.topics == ['/a/tf_static', '/a/tf']
-    assert listener.other_topics_hint() == ''
+    assert listener.topics_hint() == ''
     for topic in '/tf', '/b/c/tf', '/tf_old':
         TransformBroadcaster(ros.node, tf_topic=topic)
     for topic in '/b/c/tf_static', '/d/tf_static':
         StaticTransformBroadcaster(ros.node, tf_static_topic=topic)
     hint = ('No transform has arrived on /a/tf, but transforms are published on /tf, /tf_old, '
             "/d/tf, /b/c/tf. To listen to /tf, pass tf_topic='/tf', tf_static_topic='/tf_static' "
-            'to the TransformListener; in commands, omit --namespace.')
-    ros.until(lambda: listener.other_topics_hint() == hint)
-    section = ' More: tf_doctor --explain namespace'
-    assert listener.why_nothing() == hint + section
+            'to the TransformListener; in commands, omit --namespace. '
+            'More: tf_doctor --explain namespace')
+    ros.until(lambda: listener.topics_hint() == hint)
+    assert listener.why_nothing() == hint
     publisher = TransformBroadcaster(ros.node, tf_topic='/a/tf').pub_tf
-    ros.until(lambda: listener.other_topics_hint() == '')
+    ros.until(lambda: listener.topics_hint() == '')
     ros.until(lambda: 'Nothing has arrived yet from /test.' in listener.why_nothing())
     ros.node.destroy_publisher(publisher)
-    ros.until(lambda: listener.other_topics_hint() == hint)
+    ros.until(lambda: listener.topics_hint() == hint)
     listener.buffer.set_transform_static(stamped('map', 'camera'), 'test')
-    assert listener.other_topics_hint() == ''  # a robot may have static transforms only
+    assert listener.topics_hint() == ''  # a robot may have static transforms only
 
 
 def test_no_remedy_is_needed(ros):
     """Once a dynamic transform has been received, nothing is said about other topics."""
     listener = FrameListener(ros.node)
     TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
-    ros.until(listener.other_topics_hint)
+    ros.until(listener.topics_hint)
     listener.buffer.set_transform_static(stamped('map', 'camera'), 'test')
-    hint = listener.other_topics_hint()
+    hint = listener.topics_hint()
     assert '/robot1/tf' in hint
     assert listener.why_no_transform('map', 'lidar').endswith(
-        f"Known frames: 'camera', 'map'. {hint} More: tf_doctor --explain namespace")
+        f"Known frames: 'camera', 'map'. {hint}")
     listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
-    assert listener.other_topics_hint() == ''
+    assert listener.topics_hint() == ''
 
 
 def test_another_type(ros, stranger):
@@ -59,7 +59,7 @@ def test_another_type(ros, stranger):
     ros.until(lambda: listener.topics_hint() == text)
     assert listener.why_nothing() == text
     TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
-    ros.until(lambda: '/robot1/tf' in listener.other_topics_hint())
+    ros.until(lambda: '/robot1/tf' in listener.topics_hint())
     assert listener.why_no_transform('map', 'camera').count(text) == 1
 
 

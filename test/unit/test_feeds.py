@@ -1,7 +1,7 @@
 """What feeds transforms, and what other topics have: which of it is a fault."""
 
 import pytest
-from recorded import MS, observed, T, tf
+from recorded import MS, observed, S, T, tf
 
 from puretf._causes.facts import Facts, Frames, Heard, NONE, Surroundings
 from puretf._causes.lookups import RULES
@@ -216,6 +216,24 @@ def test_stamps_of_another_clock(stamp, words):
         clocks = [sender('/gazebo', last=3980, ahead=ahead)]
         (finding,) = examine(observed(content, [], clocks=clocks)).findings
         assert ('use_sim_time' in finding.remedy) == remedy
+
+
+def test_a_bag_that_is_played_without_clock():
+    content = [tf(i * 20, i * 20 - 10**9, 'map odom') for i in range(200)]
+    (finding,) = examine(observed(content, [], nodes={'/robot': '/rosbag2_player'})).findings
+    assert finding.remedy == 'Play the bag with --clock, and set use_sim_time.'
+
+
+@pytest.mark.parametrize(('present', 'ending', 'remedy'), [
+    ([], '50.0 Hz before; /driver has ended', 'Start /driver again.'),
+    (['/robot'], '50.0 Hz before', 'Look at the node')])
+def test_a_node_that_has_ended(present, ending, remedy):
+    content = [tf(i * 20, i * 20, 'map odom') for i in range(200)]
+    (finding,) = examine(observed(
+        content, [], nodes={'/robot': '/driver'}, present=present, end=T + 8 * S)).findings
+    assert finding.code == 'gap'
+    assert finding.evidence.endswith(ending)
+    assert finding.remedy.startswith(remedy)
 
 
 def test_a_simulation_that_is_started_again():
