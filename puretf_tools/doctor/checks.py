@@ -531,7 +531,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
              if (delays := _clock_step(observation, track))}
     for tracks in observation.by_publisher(jumps.__contains__):
         children = [*map(_child_of, tracks)]
-        worst = max(tracks, key=itemgetter('largest_step'))
+        worst = max(tracks, key=attrgetter('largest_step'))
         before, after = map(_compared, jumps[worst])
         yield _Fault(
             _step_text(tracks) + ('' if 'arrivals' in observation.not_known else
@@ -539,7 +539,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             tracks, severity=WARNING if after == _IN_TIME else '', explains={
                 **dict.fromkeys(('late', 'future', 'gap'), children),
                 **dict.fromkeys(_OF_MESSAGES[1:], _below(observation, children))},
-            time=worst['largest_step_at'])
+            time=worst.largest_step[1])
     told |= jumps.keys()
     if observation.clock:
         yield from _other_clock_than(observation, observation.clock, told)
@@ -574,9 +574,9 @@ def _clock_step(observation: Observation, track: Track) -> Optional[tuple[float,
 
 
 def _step_text(tracks: Sequence[Track]) -> str:
-    worst = max(tracks, key=itemgetter('largest_step'))
+    worst = max(tracks, key=attrgetter('largest_step'))
     return (f'the stamps of {_names(map(_child_of, tracks))} step forward by '
-            f'{in_words(worst["largest_step"])} after {exact_time(worst["largest_step_at"])}, '
+            f'{in_words(worst.largest_step[0])} after {exact_time(worst.largest_step[1])}, '
             'while transforms arrive as before')
 
 
@@ -1040,24 +1040,24 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 def _gap(observation: Observation) -> Iterator[_Fault]:
     paused: list[Track] = []
     for tracks in observation.by_publisher(partial(_has_gap, observation)):
-        worst = max(tracks, key=itemgetter('largest_step'))
+        worst = max(tracks, key=attrgetter('largest_step'))
         if _is_pause(observation, worst):
             paused += tracks
             continue
-        beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
-        before = int(worst['largest_step_at'])
-        hole = (f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
+        beyond = np.count_nonzero(worst.steps > _GAP * max(worst.period, _SHORTEST_PERIOD))
+        before = worst.largest_step[1]
+        hole = (f'no transform of {shortened(worst.child)} for {in_words(worst.largest_step[0])} '
                 f'after {exact_time(before)}' if _is_hole(observation, worst) else
                 _step_text([worst]))
         yield _Fault(
             f'{hole}; the usual period is {worst.period / SECOND:.2g} s; '
-            f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} '
+            f'{beyond} of {len(worst.steps)} steps from stamp to stamp are longer than {_GAP} '
             'periods', tracks, time=before)
     if paused:
-        worst = max(paused, key=itemgetter('largest_step'))
-        before = int(worst['largest_step_at'])
+        worst = max(paused, key=attrgetter('largest_step'))
+        before = worst.largest_step[1]
         yield _Fault(
-            f'nothing has arrived on any topic for {in_words(worst["largest_step"])} after '
+            f'nothing has arrived on any topic for {in_words(worst.largest_step[0])} after '
             f'{exact_time(before)}', paused, severity=INFO, time=before,
             remedy='If the recording was not paused, look at the computer that has recorded.'
             if observation.has_record_times else 'Look at this computer.')
@@ -1065,7 +1065,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
               default=0)
     end = max(end, observation.end)
     ended = {track for tracks in observation.by_child.values()
-             if (track := max(tracks, key=itemgetter('last_time')))['steps'].sum() >= _FEWEST
+             if len((track := max(tracks, key=itemgetter('last_time'))).steps) >= _FEWEST
              and track['last_time']
              and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
     for tracks in observation.by_publisher(ended.__contains__):
@@ -1089,18 +1089,18 @@ def _ended_node(observation: Observation, track: Track) -> str:
 
 
 def _has_gap(observation: Observation, track: Track) -> bool:
-    return track['steps'].sum() >= _FEWEST and (_has_many_gaps(track) or (
+    return len(track.steps) >= _FEWEST and (_has_many_gaps(track) or (
         _has_long_step(track) and not _clock_step(observation, track)
         and (track not in observation.stalls or _is_hole(observation, track))))
 
 
 def _has_long_step(track: Track) -> bool:
-    return bool(track['largest_step'] > max(_GAP * track.period, _SHORTEST_GAP))
+    return bool(track.largest_step[0] > max(_GAP * track.period, _SHORTEST_GAP))
 
 
 def _has_many_gaps(track: Track) -> bool:
-    return bool(track.steps_beyond(_GAP * max(track.period, _SHORTEST_PERIOD))
-                >= max(_FEWEST_GAPS, _JITTER * track['steps'].sum()))
+    return bool(np.count_nonzero(track.steps > _GAP * max(track.period, _SHORTEST_PERIOD))
+                >= max(_FEWEST_GAPS, _JITTER * len(track.steps)))
 
 
 def _is_pause(observation: Observation, track: Track) -> bool:
@@ -1174,7 +1174,7 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
 def _jump(observation: Observation) -> Iterator[_Fault]:
     for track in observation.tracks:
         limit = _JUMP * track['usual_speed']
-        if track['steps'].sum() < _FEWEST or track['jump'] < SMALLEST_JUMP or (
+        if len(track.steps) < _FEWEST or track['jump'] < SMALLEST_JUMP or (
                 track['largest_speed'] <= limit):
             continue
         yield _Fault(

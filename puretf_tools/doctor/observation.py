@@ -237,7 +237,7 @@ class Observation:
         """The tracks whose stamp stands for a while, though transforms arrive: how long."""
         found: dict[Track, Stall] = {}
         for track in self.tracks:
-            if track['count'] - track['steps'].sum() < 3 or not (timed := self._timed(track)):
+            if track['count'] - len(track.steps) < 3 or not (timed := self._timed(track)):
                 continue
             arrivals, stamps = timed
             changes = np.flatnonzero(np.diff(stamps)) + 1
@@ -254,10 +254,8 @@ class Observation:
         """Return the largest step of the stamps of a track; None: it is not known."""
         if timed := self._timed(track):
             arrivals, stamps = timed
-            before = np.flatnonzero((stamps[:-1] == track['largest_step_at'])
-                                    & (np.diff(stamps) == track['largest_step']))
-            if len(before):
-                return Step(arrivals, arrivals - stamps, int(before[0]))
+            if len(steps := np.diff(stamps)) and steps.max() > 0:
+                return Step(arrivals, arrivals - stamps, int(steps.argmax()))
         return None
 
     def _timed(self, track: Track) -> Optional[tuple[NDArray[np.int64], NDArray[np.int64]]]:

@@ -29,9 +29,6 @@ NORM_TOLERANCE = 1e-3
 #: Poses are equal if their positions differ by at most this (m), and the cosine of half the angle
 #: between them differs from 1 by at most this (the angle is about 1e-5 rad).
 _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
-#: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
-#: of bins for a factor of two, and the number of bins. The end of the last bin exceeds int64.
-_FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
 #: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
 #: and for more than this part of the transforms.
 _TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
@@ -63,15 +60,15 @@ _FIELDS = np.dtype([
     ('first_time', 'i8'), ('last_time', 'i8'),  # the range of the times of arrival (ns)
     ('late', 'i8'), ('future', 'i8'),  # how many delays are late or from the future
     ('foreign', 'i8'),  # how many delays are so large that the stamp is from another clock
-    ('steps', 'i8', _BINS),  # the histogram of the steps forward
-    ('largest_step', 'i8'), ('largest_step_at', 'i8'),  # the largest step, and the stamp before it
 ])
 
 
 class Track:
     """The transforms of one child from one publisher on one topic."""
 
-    def __init__(self, number: int, child: str, publisher: str, is_static: bool) -> None:
+    def __init__(self, number: int, child: str, publisher: str, is_static: bool,
+                 statistics: 'Statistics') -> None:
+        self._statistics = statistics
         self.number, self.child = number, child
         self.publisher, self.is_static = publisher, is_static
         self.parents: dict[str, None] = {}  #: the newest parent is the last one
@@ -97,13 +94,21 @@ class Track:
                     and self['backwards'] > max(_FEW_TURNS, _TURNS * self['count']))
 
     @property
+    def steps(self) -> NDArray[np.int64]:
+        """The (n,) steps forward from stamp to stamp (ns), of transforms that are not static."""
+        return self._statistics.steps(self)[0]
+
+    @property
+    def largest_step(self) -> tuple[int, int]:
+        """The largest step, and the stamp before it (ns); 0, 0: there is none."""
+        steps, before = self._statistics.steps(self)
+        i = int(steps.argmax()) if len(steps) else 0
+        return (int(steps[i]), int(before[i])) if len(steps) else (0, 0)
+
+    @property
     def period(self) -> float:
-        """The median of the steps from stamp to stamp (ns), within 5 %; 0.0: there is no step."""
-        counts = np.cumsum(self['steps'])
-        if not counts[-1]:
-            return 0.0
-        median = int(np.searchsorted(counts, (counts[-1] + 1) // 2))
-        return float(_FIRST_BIN * 2 ** ((median - 0.5) / _BINS_PER_OCTAVE))
+        """The median of the steps (ns); 0.0: there is none."""
+        return float(np.median(self.steps)) if len(self.steps) else 0.0
 
     @property
     def rate(self) -> Optional[float]:
@@ -121,14 +126,6 @@ class Track:
         least = SMALLEST_JUMP * SECOND / _LONGEST_MOVE
         first = ceil(log2(max(speed, least) / least) * _JUMPS_PER_OCTAVE)
         return int(self['jumps'][first:].sum())
-
-    def steps_beyond(self, step: float) -> int:
-        """
-        Count the steps from stamp to stamp that are larger than `step` (ns, at least 1000).
-
-        Some of those that are larger by less than 10 % are missed.
-        """
-        return int(self['steps'][1 + ceil(log2(step / _FIRST_BIN) * _BINS_PER_OCTAVE):].sum())
 
 
 class Statistics(Counts):
@@ -150,6 +147,8 @@ class Statistics(Counts):
         #: By the numbers of dynamic tracks whose transforms arrive together: the times of arrival
         #: and the stamps (ns).
         self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
+        #: By the key of `together`: what `steps` returns.
+        self._steps: dict[frozenset[tuple[int, ...]], tuple[NDArray[np.int64], ...]] = {}
 
     def tracks(self) -> list[Track]:
         """Return the tracks, in the order of their first messages."""
@@ -201,6 +200,15 @@ class Statistics(Counts):
         order = np.argsort(times, kind='stable')
         order = order[stamps[order] != 0]
         return times[order], stamps[order]
+
+    def steps(self, track: Track) -> tuple[NDArray[np.int64], ...]:
+        """Return the (n,) steps forward of the stamps of a track (ns), and the stamps before."""
+        key = self.together([track])
+        if key not in self._steps:
+            _, stamps = self.arrivals(key)
+            steps = np.diff(stamps)
+            self._steps[key] = steps[steps > 0], stamps[:-1][steps > 0]
+        return self._steps[key]
 
     def add_messages(self, messages: Iterable[Message]) -> None:
         """Count the transforms of messages; see `add`."""
@@ -254,6 +262,7 @@ class Statistics(Counts):
     def _keep(self, numbers: NDArray[np.intp], times: NDArray[np.int64],
               stamps: NDArray[np.int64]) -> None:
         """Keep arrivals; the transforms of a message usually have the same stamp."""
+        self._steps.clear()
         columns = {tuple(numbers.tolist()): stamps[:, 0]} if (
             (stamps == stamps[:, :1]).all()) else {
                 (number,): column for number, column in zip(numbers.tolist(), stamps.T)}
@@ -271,7 +280,8 @@ class Statistics(Counts):
         number = super()._number(table, parent, child)
         if number is not None:
             if number == len(self._tracks):
-                self._tracks.append(Track(number, names[1], table.publisher, table.is_static))
+                self._tracks.append(
+                    Track(number, names[1], table.publisher, table.is_static, self))
             track = self._tracks[number]
             track.switches += bool(track.parents) and next(reversed(track.parents)) != names[0]
             track.parents.pop(names[0], None)
@@ -364,11 +374,7 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
     steps = np.where(is_zero | (before == 0), 0, stamps - before)
     values['backwards'] += (steps < 0).sum(axis=0)
-    _keep_largest(values, largest_step=steps, largest_step_at=before)
     _keep_largest(values, step_back=-steps, step_back_at=before)
-    rows, columns = np.nonzero(steps > 0)
-    bins = np.ceil(np.log2(np.maximum(steps[rows, columns] / _FIRST_BIN, 1.0)) * _BINS_PER_OCTAVE)
-    np.add.at(values['steps'], (columns, np.minimum(bins, _BINS - 1).astype(np.int64)), 1)
 
 
 def _without_zeros(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
