@@ -101,9 +101,7 @@ class Track:
     @property
     def largest_step(self) -> tuple[int, int]:
         """The largest step, and the stamp before it (ns); 0, 0: there is none."""
-        steps, before = self._statistics.steps(self)
-        i = int(steps.argmax()) if len(steps) else 0
-        return (int(steps[i]), int(before[i])) if len(steps) else (0, 0)
+        return self._statistics.steps(self)[1]
 
     @property
     def period(self) -> float:
@@ -148,7 +146,8 @@ class Statistics(Counts):
         #: and the stamps (ns).
         self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
         #: By the key of `together`: what `steps` returns.
-        self._steps: dict[frozenset[tuple[int, ...]], tuple[NDArray[np.int64], ...]] = {}
+        self._steps: dict[
+            frozenset[tuple[int, ...]], tuple[NDArray[np.int64], tuple[int, int]]] = {}
 
     def tracks(self) -> list[Track]:
         """Return the tracks, in the order of their first messages."""
@@ -201,13 +200,15 @@ class Statistics(Counts):
         order = order[stamps[order] != 0]
         return times[order], stamps[order]
 
-    def steps(self, track: Track) -> tuple[NDArray[np.int64], ...]:
-        """Return the (n,) steps forward of the stamps of a track (ns), and the stamps before."""
+    def steps(self, track: Track) -> tuple[NDArray[np.int64], tuple[int, int]]:
+        """Return `Track.steps` and `Track.largest_step`."""
         key = self.together([track])
         if key not in self._steps:
             _, stamps = self.arrivals(key)
             steps = np.diff(stamps)
-            self._steps[key] = steps[steps > 0], stamps[:-1][steps > 0]
+            i = int(steps.argmax()) if (steps > 0).any() else -1
+            self._steps[key] = steps[steps > 0], (
+                (int(steps[i]), int(stamps[i])) if i >= 0 else (0, 0))
         return self._steps[key]
 
     def add_messages(self, messages: Iterable[Message]) -> None:
