@@ -1224,7 +1224,8 @@ def _late(observation: Observation) -> Iterator[_Fault]:
             f'{text}; {others} are in time', tracks, code='other_clock',
             remedy=_clock_remedy(observation, worst['stamp'], tracks), explains=dict.fromkeys(
                 _OF_MESSAGES, _below(observation, [*map(_child_of, tracks)])),
-        ) if others else _Fault(text, tracks, remedy=_play(observation, tracks))
+        ) if others else _of_this_clock(observation, text, tracks) or _Fault(
+            text, tracks, remedy=_play(observation, tracks))
 
 
 def _is_frequent(observation: Observation, track: Track, field: str) -> bool:
@@ -1257,9 +1258,25 @@ def _future(observation: Observation) -> Iterator[_Fault]:
                          f'{"" if is_synchronised else "; else compare the clocks"}.',
                          severity=INFO)
         else:
-            yield _Fault(text, tracks, remedy=_synchronise(observation, tracks) or (
-                'Look at how the node dates its transforms: the clock of its computer is right.'
-                if is_synchronised else ''))
+            yield _of_this_clock(observation, text, tracks) or _Fault(
+                text, tracks, remedy=_synchronise(observation, tracks) or (
+                    'Look at how the node dates its transforms: the clock of its computer is '
+                    'right.' if is_synchronised else ''))
+
+
+def _of_this_clock(observation: Observation, text: str, tracks: Sequence[Track]
+                   ) -> Optional[_Fault]:
+    """Return a fault of the clock of the arrivals, if all messages are as far from it."""
+    delays = [track.mean_delay for track in tracks]
+    delays += _usual_ages(observation)
+    if len(delays) == len(tracks) or not max(delays) - min(delays) <= LATE:
+        return None
+    is_bag = observation.has_record_times
+    return _Fault(
+        f'{text}; it is the same for other messages', tracks, severity=INFO if is_bag else '',
+        remedy=_play(observation, tracks) or 'Compare the clock of the computer '
+        f'{"that has recorded" if is_bag else "of tf_doctor"} with those of the nodes'
+        f'{"" if is_bag else ", and look at the network"}.')
 
 
 _FRAMES, _MESSAGES = 'other frames', 'other messages'
@@ -1273,8 +1290,13 @@ def _in_time(observation: Observation) -> str:
         if track['delays'] and -FUTURE <= track.mean_delay <= LATE and not is_off:
             return _FRAMES
     return _MESSAGES if any(
-        -FUTURE <= np.median(ages) <= LATE for topic in observation.message_times
-        if len(topic.stamps) and (ages := _ages(observation, topic)) is not None) else ''
+        -FUTURE <= age <= LATE for age in _usual_ages(observation)) else ''
+
+
+def _usual_ages(observation: Observation) -> list[float]:
+    """Return the median of the ages of the messages of each topic (ns), if it is known."""
+    return [float(np.median(ages[topic.stamps != 0])) for topic in observation.message_times
+            if topic.stamps.any() and (ages := _ages(observation, topic)) is not None]
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '

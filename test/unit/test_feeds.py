@@ -218,6 +218,19 @@ def test_stamps_of_another_clock(stamp, words):
         assert ('use_sim_time' in finding.remedy) == remedy
 
 
+@pytest.mark.parametrize(('shift', 'code'), [(-5000, 'late'), (5000, 'future')])
+@pytest.mark.parametrize(('is_bag', 'severity'), [(True, 'info'), (False, 'warning')])
+def test_the_clock_of_the_arrivals(shift, code, is_bag, severity):
+    """If all stamps are as far from it, those of the nodes are not blamed."""
+    content = [tf(i * 20, i * 20 + shift, 'map odom') for i in range(200)]
+    for other, is_blamed in (0, False), (1000, True):
+        messages = [(i * 20 + 10, i * 20 + shift + other) for i in range(200)]
+        (finding,) = examine(observed(content, messages, 'map', has_record_times=is_bag,
+                                      stamp_clock=StampClock())).findings
+        assert (finding.code, finding.severity) == (code, 'warning' if is_blamed else severity)
+        assert ('Compare the clock of the computer' in finding.remedy) is not is_blamed
+
+
 def test_a_bag_that_is_played_without_clock():
     content = [tf(i * 20, i * 20 - 10**9, 'map odom') for i in range(200)]
     (finding,) = examine(observed(content, [], nodes={'/robot': '/rosbag2_player'})).findings
