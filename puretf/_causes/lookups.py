@@ -40,7 +40,7 @@ _NO_DATA = MISSING, UNCONNECTED, SILENCE
 _TIMES = PAST, FUTURE, ONE_TIME
 _SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, with a '
                'StaticTransformBroadcaster.')
-_PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
+PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
 #: No cache time that is longer than this (ns) is proposed.
 LONGEST_CACHE = 600 * SECOND
 #: A transform was sent once if no other one has followed for this time (ns).
@@ -292,7 +292,7 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
             f'{_transforms(edge.refused)} of {quoted(edge.child)}'
             f'{_of_node(facts, edge.refused_authority)} {_was(edge.refused)} refused, since one '
             f'at {exact_time(edge.latest)}{_of_node(facts, edge.authority)} is newer by more than '
-            'the cache time', {'remedy': _PLAY if _is_played(facts) else (
+            'the cache time', {'remedy': PLAY if _is_played(facts) else (
                 f'Let only one node send {quoted(edge.child)}.' if is_shared else
                 'Clear the buffer; if it happens again, stop the node with the later clock.')})
 
@@ -533,7 +533,7 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
               if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node
               and not each.lacks}
     players = [node for node, topic in silent.items()
-               if _PLAYER in node and topic.endswith('_static')]
+               if PLAYER in node and topic.endswith('_static')]
     # A robot_state_publisher may have fixed joints only.
     silent = {node: topic for node, topic in silent.items() if not facts.has_sent(node) and not (
         facts.symptom == NONE and node in around.waits_for)}
@@ -614,21 +614,21 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
             'The data are on another clock than that of this node: '
             f'{apart(offset, edge.latest)} it',
             {'remedy': RULES['use_sim_time_differs'].remedy if around.clock_nodes else
-             _PLAY if _is_played(facts) else
+             PLAY if _is_played(facts) else
              'If they are simulated, publish /clock and set use_sim_time; else stamp them with '
              'the present time.' if edge.latest < SINCE_START else remedy
              if abs(offset) > _LARGE or known_offset(offset) else
              f'If this is not on purpose, c{remedy[1:]}'})
 
 
-_PLAY = 'Play the bag with --clock, and set use_sim_time.'
+PLAY = 'Play the bag with --clock, and set use_sim_time.'
 #: No program dates its transforms so far (ns) ahead or behind.
 _LARGE = 10 * SECOND
 
 
 def _is_played(facts: Facts) -> bool:
     """Return whether a bag is played."""
-    return any(_PLAYER in each.node for each in facts.around.publishers or ())
+    return any(PLAYER in each.node for each in facts.around.publishers or ())
 
 
 def data_offset(facts: Facts) -> int:

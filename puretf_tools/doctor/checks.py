@@ -31,6 +31,8 @@ from puretf._causes.lookups import (
     LONGEST_CACHE,
     part_prefix,
     part_prefix_text,
+    PLAY,
+    PLAYER,
     remap,
     RULES,
 )
@@ -538,7 +540,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
                                   f'; before it, they are {before}, and after it {after}'),
             tracks, severity=WARNING if after == _IN_TIME else '', explains={
                 **dict.fromkeys(('late', 'future', 'gap'), children),
-                **dict.fromkeys(_OF_MESSAGES[1:], _below(observation, children))},
+                **_of_messages(observation, tracks)},
             time=worst.largest_step[1])
     told |= jumps.keys()
     if observation.clock:
@@ -554,7 +556,14 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
             f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
             f'{_known_offset(observation, delay, worst["stamp"])}', tracks,
-            remedy=_clock_remedy(observation, worst['stamp'], tracks))
+            remedy=_clock_remedy(observation, worst['stamp'], tracks),
+            explains=_of_messages(observation, tracks) if 2 * total(tracks, 'foreign') > total(
+                tracks, 'delays') else {})
+
+
+def _of_messages(observation: Observation, tracks: Iterable[Track]) -> dict[str, set[str]]:
+    """Return what follows for messages in time if transforms are from another clock."""
+    return dict.fromkeys(_OF_MESSAGES[1:], _below(observation, [*map(_child_of, tracks)]))
 
 
 def _clock_step(observation: Observation, track: Track) -> Optional[tuple[float, float]]:
@@ -599,7 +608,7 @@ def _is_hole(observation: Observation, track: Track) -> bool:
 
 def _stalled(observation: Observation, track: Track) -> int:
     """Return how many transforms have a stamp that stands; see `frozen_stamp`."""
-    return observation.stalls[track].number if track in observation.stalls else 0
+    return observation.stalls[track].total if track in observation.stalls else 0
 
 
 def _known_offset(observation: Observation, delay: float, stamp: int) -> str:
@@ -636,8 +645,7 @@ def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] 
 
 def _play(observation: Observation, tracks: Iterable[Track]) -> str:
     """Return what to do if a bag is played; '': it is not."""
-    return 'Play the bag with --clock, and set use_sim_time.' if any(
-        'rosbag2_player' in observation.node_of(track) for track in tracks) else ''
+    return PLAY if any(PLAYER in observation.node_of(track) for track in tracks) else ''
 
 
 def _synchronise(observation: Observation, tracks: Iterable[Track]) -> str:
@@ -802,7 +810,8 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
                   if edge.end < last else
                   'arrive when those of other edges are not kept any more')
         fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
-                         f'{_edge_text(observation, edge)} {reason}')
+                         f'{_edge_text(observation, edge)} {reason}',
+                         _start_again(observation, observation.dynamic_tracks(edge.child)))
         yield fault._replace(time=int(edge.end))
 
 
@@ -1070,11 +1079,11 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
              and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
     for tracks in observation.by_publisher(ended.__contains__):
         silence = max(end - track['last_time'] for track in tracks)
-        node = shortened(_ended_node(observation, tracks[0]))
+        node = _ended_node(observation, tracks[0])
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
                      f'last {in_words(silence)}, and {_hertz(tracks[0])} before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
-                     remedy=RULES['gap'].remedy.format(node=node) if node else '',
+                     remedy=_start_again(observation, tracks),
                      time=min(int(track['latest']) for track in tracks))
 
 
@@ -1085,7 +1094,13 @@ def _ended_node(observation: Observation, track: Track) -> str:
             *(observation.nodes.get(each, '') for each in observation.present),
             *(each.node for each in observation.around.publishers or ())}:
         return ''
-    return node
+    return shortened(node)
+
+
+def _start_again(observation: Observation, tracks: Iterable[Track]) -> str:
+    """Return what to do if the last node that has published a frame has ended; '': it has not."""
+    node = _ended_node(observation, max(tracks, key=itemgetter('last_time')))
+    return RULES['gap'].remedy.format(node=node) if node else ''
 
 
 def _has_gap(observation: Observation, track: Track) -> bool:
@@ -1105,25 +1120,13 @@ def _has_many_gaps(track: Track) -> bool:
 
 def _is_pause(observation: Observation, track: Track) -> bool:
     """Return whether nothing else has arrived during the largest step of a track, either."""
-    step, statistics, node = observation.step(track), observation.statistics, (
-        observation.node_of(track))
+    step = observation.step(track)
     if not step or _has_many_gaps(track):
         return False
-    begin, end = step.arrivals[step.before:step.before + 2].tolist()
-    others = [(np.array(headers.arrivals), node and node in observation.senders.get(topic, ()))
-              for topic, headers in observation.headers.items() if headers.arrivals]
-    others += [(times, track in tracks or (node and node in map(observation.node_of, tracks)))
-               for tracks, times in statistics.sources()]
-    is_paused = False
-    for arrivals, is_own in others:
-        times = statistics.clock.at(arrivals)
-        if times is None or ((begin + _SHORTEST_GAP < times)
-                             & (times < end - _SHORTEST_GAP)).any():
-            return False
-        period = (np.ptp(times) - (end - begin)) / len(times)
-        is_paused |= not is_own and times.min() < begin and end < times.max() and (
-            end - begin > max(_GAP * period, 2 * _SHORTEST_GAP))
-    return bool(is_paused)
+    before, after = step.arrivals[step.before:step.before + 2].tolist()
+    slack = max(_SHORTEST_GAP, track.period)
+    return any(begin - before <= slack and after - end <= slack
+               for begin, end in observation.pauses)
 
 
 @_check('message_early',
@@ -1222,8 +1225,7 @@ def _late(observation: Observation) -> Iterator[_Fault]:
             _in_time(observation))
         yield _Fault(
             f'{text}; {others} are in time', tracks, code='other_clock',
-            remedy=_clock_remedy(observation, worst['stamp'], tracks), explains=dict.fromkeys(
-                _OF_MESSAGES, _below(observation, [*map(_child_of, tracks)])),
+            remedy=_synchronise(observation, tracks), explains=_of_messages(observation, tracks)
         ) if others else _of_this_clock(observation, text, tracks) or _Fault(
             text, tracks, remedy=_play(observation, tracks))
 
@@ -1248,7 +1250,7 @@ def _future(observation: Observation) -> Iterator[_Fault]:
         others = _in_time(observation)
         if worst.mean_delay < -CACHE and others:
             yield _Fault(f'{text}; {others} are in time', tracks, code='other_clock',
-                         remedy=_clock_remedy(observation, worst['stamp'], tracks))
+                         remedy=_synchronise(observation, tracks))
         elif others == _FRAMES and worst.mean_delay < _CONSTANT * worst['least_delay'] and (
                 is_synchronised or (observation.has_record_times and _is_localisation(worst)
                                     and worst['least_delay'] > -_MOST_LEAD)):

@@ -29,8 +29,9 @@ _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 _FEWEST = 3
 #: The largest number of names in a text.
 SHOWN = 5
-#: A stamp that several transforms have has stalled after this time (ns), and so many periods.
-_STALLED, _PERIODS = SECOND, 3
+#: A stamp that several transforms have has stalled after this time (ns), and so many periods; and
+#: so long is a pause. The largest number of pauses.
+_STALLED, _PERIODS, _PAUSES = SECOND, 3, 100
 
 
 class Refused(NamedTuple):
@@ -47,7 +48,8 @@ class Stall(NamedTuple):
     number: int  #: how many
     stamp: int  #: ns
     span: int  #: from the arrival of the first to that of the last one (ns)
-    is_last: bool  #: whether no other stamp has come after it
+    total: int  #: the number of all such transforms of the track, also with other stamps
+    is_last: bool  #: whether the last stamp stands
 
 
 class Step(NamedTuple):
@@ -242,12 +244,35 @@ class Observation:
             arrivals, stamps = timed
             changes = np.flatnonzero(np.diff(stamps)) + 1
             begins, ends = np.append(0, changes), np.append(changes, len(stamps))
-            spans = arrivals[ends - 1] - arrivals[begins]
-            i = int(spans.argmax())
-            stall = Stall(int(ends[i] - begins[i]), int(stamps[begins[i]]), int(spans[i]),
-                          i == len(spans) - 1)
-            if stall.number > 2 and stall.span >= max(_STALLED, _PERIODS * track.period):
-                found[track] = stall
+            spans, numbers = arrivals[ends - 1] - arrivals[begins], ends - begins
+            has_stalled = (numbers > 2) & (spans >= max(_STALLED, _PERIODS * track.period))
+            if has_stalled.any():
+                i = int(np.where(has_stalled, spans, 0).argmax())
+                found[track] = Stall(int(numbers[i]), int(stamps[begins[i]]), int(spans[i]),
+                                     int(numbers[has_stalled].sum()), bool(has_stalled[-1]))
+        return found
+
+    @cached_property
+    def pauses(self) -> list[tuple[int, int]]:
+        """The times (ns) in which nothing has arrived, though two nodes send more often."""
+        sources = [({self.node_of(track) for track in tracks} - {''} or {str(number)}, times)
+                   for number, (tracks, times) in enumerate(self.statistics.sources())]
+        sources += [({*self.senders.get(topic, ())} or {topic}, np.array(headers.arrivals))
+                    for topic, headers in self.headers.items() if headers.arrivals]
+        clock = self.statistics.clock
+        known = [(names, at) for names, times in sources if (at := clock.at(times)) is not None]
+        if not known:
+            return []
+        times = np.sort(np.concatenate([times for _, times in known]))
+        lengths, found = np.diff(times), list[tuple[int, int]]()
+        for i in np.argsort(-lengths)[:_PAUSES].tolist():
+            if lengths[i] < _STALLED:
+                break
+            begin, end = times[i:i + 2].tolist()
+            names = [names for names, at in known if at.min() <= begin and end <= at.max()
+                     and lengths[i] > _PERIODS * (np.ptp(at) - lengths[i]) / len(at)]
+            if len(set().union(*names)) > 1:
+                found.append((begin, end))
         return found
 
     def step(self, track: Track) -> Optional[Step]:

@@ -462,6 +462,11 @@ FAULTY = [
         [DRIVER._replace(offset=18.0), LASER], sensors=[Sensor()]), [], ['other_clock']),
     Situation('an INS whose clock is 18 s behind GPS time, as all others have it', World(
         [DRIVER._replace(offset=-18.0), SLAM, LASER], sensors=[Sensor()]), [], ['other_clock']),
+    Situation('an EKF and a lidar that both are on UTC, while others are on TAI', World(
+        [DRIVER._replace(offset=-37.0), SLAM, LASER], sensors=[Sensor(offset=-37.0)]), [],
+        ['other_clock', 'message_other_clock']),
+    Situation('an EKF in the time zone of India, and scans', World(
+        [DRIVER._replace(offset=19800.0), SLAM, LASER], sensors=[Sensor()]), [], ['other_clock']),
     Situation('a localiser whose clock is 25 s ahead', World(
         [DRIVER, LASER, SLAM._replace(offset=25.0)], sensors=[Sensor()]), [], ['other_clock']),
     Situation('a camera whose frame and images are on TAI', World(
