@@ -128,27 +128,21 @@ def _without_cause(facts: Facts) -> str:
     return text
 
 
-# The ends of log lines
+# The ends of log lines, which have no period yet
 
 
 def publisher_end(look: Look, authority: str, is_static: bool) -> str:
     """Name the publisher of a transform, or all of its topic; '' if none is known."""
-    publisher = _publisher(look(), authority, is_static)
-    return f'.{publisher}' if publisher else ''
+    around = look()
+    if node := around.node_of(authority):
+        return f'. Publisher: {shortened(node)}.'
+    topic = around.topics[0 if is_static else -1] if around.topics else ''
+    nodes = comma_list(around.nodes(topic), MAX_TOPICS, shortened)
+    return nodes and f'. Publishers on {topic}: {nodes}.'
 
 
 def old_data_end(look: Look, authority: str) -> str:
-    return f'{_publisher(look(), authority, False)}{see("TF_OLD_DATA")}'
-
-
-def _publisher(around: Surroundings, authority: str, is_static: bool) -> str:
-    if node := around.node_of(authority):
-        return f' Publisher: {shortened(node)}.'
-    if not around.topics:
-        return ''
-    topic = around.topics[0 if is_static else -1]
-    nodes = around.nodes(topic)
-    return f' Publishers on {topic}: {comma_list(nodes, MAX_TOPICS, shortened)}.' if nodes else ''
+    return f'{publisher_end(look, authority, False) or "."}{see("TF_OLD_DATA")}'
 
 
 def clock_publishers(nodes: Sequence[str]) -> str:

@@ -97,15 +97,13 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
     if meeting is None:
         return _why_unconnected(tree, target, source)
     now, worst, widest = monotonic_ns(), stopped_at, 0
-    for chain in from_source, from_target:
-        for frame in takewhile(meeting.__ne__, chain):
-            history = tree.histories[frame]
-            assert history is not None
+    for frame in [each for chain in (from_source, from_target)
+                  for each in takewhile(meeting.__ne__, chain)]:
+        if isinstance(history := tree.histories[frame], History):
             gap = history.distance_to(time)
-            if isinstance(history, History) and is_frozen(
-                    history.oldest, history.latest, len(history) + history.repeated):
+            if is_frozen(history.oldest, history.latest, len(history) + history.repeated):
                 gap = END  # the latest time of all edges is its stamp
-            elif tree.needs_listener and isinstance(history, History) and (
+            elif tree.needs_listener and (
                     history.latest == time and now - history.advance > RECENT):
                 gap = END - 1
             if gap > widest:

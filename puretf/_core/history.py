@@ -406,9 +406,6 @@ class StaticHistory:
 
     parent_near = parent_at
 
-    def distance_to(self, time: int) -> int:
-        return 0
-
     def dump(self) -> dict[str, Any]:
         return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
                 'authority': self.authority, 'is_static': True, 'arrived': 0}

@@ -71,7 +71,7 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
             f'It is {display_time(latest - stamp)} s older than the newest transform of this '
             f'frame, and {display_time(cache_time)} s are kept. Usual causes: two nodes publish '
             'the frame, a bag or a simulation has started again, or use_sim_time is set in some '
-            'nodes only. This is logged once per frame.')
+            'nodes only. This is logged once per frame')
 
 
 # The warnings of this package, in the style of tf2's.
@@ -81,7 +81,7 @@ def too_many_frames(child: str, limit: int, authority: str) -> str:
     return (f'TF_TOO_MANY_FRAMES: Ignoring transform for {_of(child, authority)} because '
             f'max_frames of the buffer allows {limit} frames. All other transforms with a new '
             'frame are ignored, too. Check whether a node publishes a new frame name again and '
-            'again.')
+            'again')
 
 
 def too_long_name(child: str, what: str, name: str, longest: int, authority: str) -> str:

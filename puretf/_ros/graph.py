@@ -1,11 +1,12 @@
 """What the texts of errors use of the clock and the ROS graph of a node."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import currentframe
 import os
 import sys
 from time import time_ns
+from traceback import walk_stack
 from types import FrameType
 from typing import Optional
 from weakref import WeakKeyDictionary
@@ -65,26 +66,24 @@ def surroundings(
         Publisher(node_of(info), each.topic_name, info.topic_type, gid_of(info),
                   _lack(info.qos_profile, each.qos_profile))
         for each in subscriptions for info in node.get_publishers_info_by_topic(each.topic_name)]
-    clock, durability = node.get_clock(), subscriptions[0].qos_profile.durability
-    domain = node.context.get_domain_id()
-    clock_nodes = nodes_on(node, '/clock')
+    clock, domain = node.get_clock(), node.context.get_domain_id()
     joint_topics = [topic for topic, types in node.get_topic_names_and_types()
                     if JOINT_STATE in types][:_MOST_JOINT_TOPICS]
-    joint_states = {topic: nodes for topic in joint_topics if (nodes := nodes_on(node, topic))}
-    unread = [*(topic for topic in joint_topics if topic not in joint_states),
-              *['/clock'] * (not clock_nodes)]
+    nodes = {topic: nodes_on(node, topic) for topic in (*joint_topics, '/clock')}
     return Surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
-        time_ns(), clock_nodes, topics, publishers,
-        is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
+        time_ns(), nodes['/clock'], topics, publishers,
+        is_volatile=subscriptions[0].qos_profile.durability == DurabilityPolicy.VOLATILE,
+        has_data=has_data,
         is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
             each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
         other_topics=[*dict.fromkeys(
             topic.removesuffix('_static') for topic in other_topics(node, topics))],
         listen=listen, waits_for={
-            name: topic for topic in unread
+            name: topic for topic in nodes if not nodes[topic]
             for info in node.get_subscriptions_info_by_topic(topic)
-            if (name := node_of(info)) != UNKNOWN}, joint_states=joint_states,
+            if (name := node_of(info)) != UNKNOWN},
+        joint_states={topic: nodes[topic] for topic in joint_topics if nodes[topic]},
         domain=domain, other_domains=partial(other_domains, domain),
         other_user=partial(other_user, domain),
         hides_others=next((f'{name}={value}' for name, value in os.environ.items()
@@ -114,8 +113,7 @@ def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
 def blocked_nodes(node: Node) -> dict[str, Blocked]:
     """Return the nodes whose callbacks wait until this thread goes on, each with the reason."""
     nodes = [node]
-    callers = [frame for frame in _frames(currentframe())
-               if frame.f_globals.get('__name__') == 'rclpy.executors']
+    callers = _in_executors(currentframe())
     executor = next((each for frame in callers if isinstance(
         each := frame.f_locals.get('self'), Executor)), None)
     if not callers:
@@ -140,16 +138,13 @@ def blocked_nodes(node: Node) -> dict[str, Blocked]:
             for each in nodes}
 
 
-def _frames(frame: Optional[FrameType]) -> Iterator[FrameType]:
-    """Yield a frame of a stack and its callers."""
-    while frame:
-        yield frame
-        frame = frame.f_back
+def _in_executors(top: Optional[FrameType]) -> list[FrameType]:
+    """Return the calls of a stack that are in rclpy.executors."""
+    return [frame for frame, _ in walk_stack(top)
+            if frame.f_globals.get('__name__') == 'rclpy.executors']
 
 
 def _is_spinning(executor: Executor) -> bool:
     """Return whether a thread is in a method of an executor."""
-    return any(
-        frame.f_globals.get('__name__') == 'rclpy.executors'
-        and frame.f_locals.get('self') is executor
-        for top in sys._current_frames().values() for frame in _frames(top))
+    return any(frame.f_locals.get('self') is executor for top in sys._current_frames().values()
+               for frame in _in_executors(top))

@@ -27,9 +27,6 @@ class Explanation(NamedTuple):
     begin: int = 0  #: the begin of the bag (ns); 0: the frames are live
     hole: str = ''  #: that the transform is interpolated over a time without data
 
-    def _written(self, time: int) -> str:
-        return both(time, self.begin) if self.begin else exact_time(time)
-
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, as in the JSON of `tf_doctor`."""
         return {'frames': self.ends, 'time': self.stamp, 'roots': self.roots,
@@ -60,7 +57,8 @@ class Explanation(NamedTuple):
                               'publisher of each edge:'), '', *lines, '']
         zero = [shortened(frame.name) for frame in self.path
                 if not (frame.is_static or frame.latest)]
-        when = (f'at {self._written(self.stamp)}' if self.stamp else 'at all times' if not zero
+        stamp = both(self.stamp, self.begin) if self.begin else exact_time(self.stamp)
+        when = (f'at {stamp}' if self.stamp else 'at all times' if not zero
                 else f'only at the time 0, the stamp of {comma_list(zero, 5)}')
         return '\n'.join([*lines, *wrapped(visible(
             f'There is no transform from {second} to {first}: {self.why_not}'
@@ -104,15 +102,12 @@ def _path(frames: Mapping[str, Frame], ends: tuple[str, str]
                   default='')
     edges = [[frames[name] for name in takewhile(meeting.__ne__, chain) if name in frames]
              for chain in chains]
-    return [*edges[0], *edges[1][::-1]], (
-        meeting or [*first][-1], meeting or [*second][-1])
+    return [*edges[0], *edges[1][::-1]], (meeting or chains[0][-1], meeting or chains[1][-1])
 
 
 def _refusal(frame: Frame, stamp: int) -> str:
     if frame.is_static or frame.oldest <= stamp <= frame.latest:
         return ''
-    if stamp > frame.latest:
-        return (f'its newest transform is {in_seconds(stamp - frame.latest):.3f} s older than '
-                f'{exact_time(stamp)}')
-    return (f'its oldest transform is {in_seconds(frame.oldest - stamp):.3f} s newer than '
-            f'{exact_time(stamp)}')
+    which, gap, side = ('newest', stamp - frame.latest, 'older') if stamp > frame.latest else (
+        'oldest', frame.oldest - stamp, 'newer')
+    return f'its {which} transform is {in_seconds(gap):.3f} s {side} than {exact_time(stamp)}'

@@ -27,8 +27,8 @@ _NOT_KNOWN = dict.fromkeys(('headers', 'listeners', 'qos'), 'tf_doctor looks for
 class _Statistics(Statistics):
     """Statistics that know the last two transforms of each frame, from which others can begin."""
 
-    def __init__(self, settling: int, clock: StampClock) -> None:
-        super().__init__(settling, clock)
+    def __init__(self, clock: StampClock) -> None:
+        super().__init__(SETTLING, clock)
         self.last: dict[tuple[object, ...], TransformTable] = {}
 
     def add(self, table: TransformTable) -> None:
@@ -45,7 +45,7 @@ class RecentFindings:
 
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener = listener
-        self._statistics = _Statistics(SETTLING, listener.clock)
+        self._statistics = _Statistics(listener.clock)
         self._was_simulated = listener.clock.is_simulated
         self._next = self._begin = 0.0  # of the next examination, and of the statistics (s)
         #: By code and frames: the finding, and when it was last found (s).
@@ -77,7 +77,7 @@ class RecentFindings:
     def _restart(self, is_complete: bool, now: float) -> None:
         """Begin again with the last transforms of each frame: some are sent seldom, or once."""
         before, self._begin = self._statistics.last, now
-        self._statistics = _Statistics(0, self._listener.clock)
+        self._statistics = _Statistics(self._listener.clock)
         for table in before.values():
             if table.is_static or (
                     is_complete and self._listener.is_present(table.publisher) is not False):

@@ -1,5 +1,6 @@
 """The report of all checks."""
 
+from collections import Counter
 from collections.abc import Collection, Sequence
 import os
 from typing import Any, NamedTuple, Union
@@ -7,7 +8,7 @@ from typing import Any, NamedTuple, Union
 from puretf import comma_list, see, shortened, suggest_names, visible
 from puretf.bag import Bag, Paths
 from puretf.bag import open as open_bag
-from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
+from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked
 from puretf_tools.doctor.message_times import Verdict
 from puretf_tools.doctor.observation import Observation, observe_bag, SHOWN
 from puretf_tools.inspection.terminal import wrapped
@@ -43,20 +44,20 @@ class Report(NamedTuple):
         for finding in self.findings:
             names = comma_list(
                 finding.frames or finding.topics or finding.nodes, SHOWN, shortened)
-            topics, nodes = (comma_list(each, SHOWN) for each in (finding.topics, finding.nodes))
-            where = ', '.join(filter(None, [topics and f'on {topics}', nodes and f'by {nodes}']))
-            texts = [f'{finding.evidence.rstrip(".")}.',
-                     *([f'{where[0].upper()}{where[1:]}.'] if where else []),
-                     (finding.remedy + see(finding.section)).strip()]
-            lines += [visible(f'{finding.severity} {finding.code}{names and ": "}{names}'),
-                      *(line for text in texts for line in wrapped(visible(text), '    ')), '']
+            where = ', '.join(f'{word} {comma_list(each, SHOWN)}' for word, each in (
+                ('on', finding.topics), ('by', finding.nodes)) if each)
+            lines.append(visible(f'{finding.severity} {finding.code}{names and ": "}{names}'))
+            for text in (f'{finding.evidence.rstrip(".")}.',
+                         where and f'{where[0].upper()}{where[1:]}.',
+                         (finding.remedy + see(finding.section)).strip()):
+                lines += wrapped(visible(text), '    ') if text else []
+            lines.append('')
         if self.topics:
-            lines += [*map(visible, _table(self.topics)), '']
-        for text in self.not_checked:
-            lines += wrapped(visible(f'not checked: {text}'))
-        if self.clock:
-            lines += wrapped(visible(self.clock))
-        return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
+            lines += [*_table(self.topics), '']
+        notes = [*(f'not checked: {text}' for text in self.not_checked), self.clock]
+        for text in filter(None, notes):
+            lines += wrapped(visible(text))
+        return '\n'.join([*lines, *[''] * bool(self.not_checked), self.verdict])
 
 
 def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str] = ()) -> Report:
@@ -72,25 +73,20 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
     :raises OSError: if the file cannot be read.
     """
     check_codes(ignore)
-    if isinstance(observed, Observation):
-        observation = observed
-    elif isinstance(observed, Bag):
-        observation = observe_bag(observed)
-    else:
+    if not isinstance(observed, (Bag, Observation)):
         with open_bag(observed) as bag:
-            observation = observe_bag(bag)
+            return examine(bag, ignore=ignore)
+    observation = observe_bag(observed) if isinstance(observed, Bag) else observed
     findings = diagnose(observation, ignore)
-    counts = {severity: sum(finding.severity == severity for finding in findings)
-              for severity in SEVERITIES}
-    found = ', '.join(_count(count, severity) for severity, count in counts.items() if count)
+    counts = Counter(finding.severity for finding in findings)
+    found = ', '.join(_count(count, severity) for severity, count in counts.items())
     topics = [] if 'headers' in observation.not_known else [
         topic.row() for topic in observation.message_times
         if topic.judged or topic.count(Verdict.ZERO_STAMP)]
-    unknown = [*not_checked(observation, ignore), *observation.left_out]
-    return Report(findings, topics, unknown, visible(
-        f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
-        f'{_count(len(observation.tree_of), "frame")} {observation.where}'),
-        observation.clock_text)
+    verdict = (f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
+               f'{_count(len(observation.tree_of), "frame")} {observation.where}')
+    return Report(findings, topics, [*not_checked(observation, ignore), *observation.left_out],
+                  visible(verdict), observation.clock_text)
 
 
 def examine_bag(bag: Paths, *, ignore: Collection[str] = (), **options: Any) -> dict[str, Any]:
@@ -130,12 +126,12 @@ def _table(topics: Sequence[dict[str, Any]]) -> list[str]:
         ('messages at their stamps', 'number', 'at once', 'after waiting', 'median', '95 %',
          'largest', 'never', 'queue')]
     for topic in topics:
-        at_once, waiting, never = (
-            f'{topic[share]:.1%}' for share in ('at_once', 'waiting', 'never'))
         waits = (f'{topic[wait]:.3g} s' if topic[wait] else '-' for wait in (
             'median_wait', 'wait_of_95_percent', 'largest_wait'))
-        rows.append((shortened(topic['topic']), str(topic['messages']), at_once, waiting, *waits,
-                     never, str(topic['queue'] or '-')))
+        rows.append((
+            shortened(topic['topic']), str(topic['messages']), f'{topic["at_once"]:.1%}',
+            f'{topic["waiting"]:.1%}', *waits, f'{topic["never"]:.1%}',
+            str(topic['queue'] or '-')))
     widths = [max(map(len, column)) for column in zip(*rows)]
     return ['  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])])
             for row in rows]

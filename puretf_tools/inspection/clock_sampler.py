@@ -1,9 +1,10 @@
 """Who publishes /clock, and which nodes use it."""
 
 from collections.abc import Callable
+from functools import partial
 import struct
 from time import monotonic, time_ns
-from typing import Any, Optional
+from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
@@ -17,8 +18,8 @@ from puretf_tools.inspection.feeds import Sender, Senders
 from puretf_tools.inspection.stamp_clock import StampClock
 
 TOPIC = '/clock'
-#: The time between two searches for nodes (s), and after which a question is repeated.
-_SCAN_INTERVAL, _RETRY = 0.5, 2.0
+#: The time between two searches for nodes (s), each of which asks those that have not answered.
+_SCAN_INTERVAL = 1.0
 #: A time that has not changed for this long (s) stands.
 _STANDS = 3.0
 #: The largest number of nodes that are asked, and of jumps back that are kept.
@@ -83,46 +84,31 @@ class SimTimeSurvey:
 
         :param nodes: returns the full names of the nodes that may be asked.
         """
-        self._node, self._sampler, self._nodes, self._next_scan = node, sampler, nodes, 0.0
-        self._clients: dict[str, _Question] = {}
+        self._node, self._sampler, self._nodes, self._next = node, sampler, nodes, 0.0
+        self._clients: dict[str, Any] = {}
+        self._answers: dict[str, bool] = {}
 
     def use_sim_time(self) -> dict[str, bool]:
         """Return by node whether it uses /clock; nodes that have not answered are left out."""
         own = {sender.node for sender in self._sampler.senders()}
-        return {name: each.answer for name, each in self._clients.items()
-                if each.answer is not None and name not in own}
+        return {name: answer for name, answer in dict(self._answers).items()
+                if name not in own}
 
     def poll(self) -> None:
-        if self._sampler.senders() and monotonic() >= self._next_scan:
-            self._next_scan = monotonic() + _SCAN_INTERVAL
-            for name in self._nodes() - self._clients.keys() - {
-                    UNKNOWN, self._node.get_fully_qualified_name()}:
-                if not is_tool(name) and len(self._clients) < _MOST_NODES:
-                    self._clients[name] = _Question(self._node, name)
-            for question in self._clients.values():
-                question.poll()
-
-
-class _Question:
-    """The question whether a node uses /clock, which its parameter service answers."""
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._node = node
-        self.answer: Optional[bool] = None
-        self._client: Any = node.create_client(GetParameters, f'{name}/get_parameters')
-        self._future: Any = None
-        self._retry_at = 0.0
-
-    def poll(self) -> None:
-        """Ask again if there was no answer for some time."""
-        if self._client is None:
+        if not self._sampler.senders() or monotonic() < self._next:
             return
-        if self._future is not None and self._future.done():
-            values = self._future.result().values
-            if values and values[0].type == ParameterType.PARAMETER_BOOL:
-                self.answer = values[0].bool_value
-            self._node.destroy_client(self._client)
-            self._client = None
-        elif monotonic() >= self._retry_at and self._client.service_is_ready():
-            self._retry_at = monotonic() + _RETRY
-            self._future = self._client.call_async(GetParameters.Request(names=['use_sim_time']))
+        self._next = monotonic() + _SCAN_INTERVAL
+        for name in self._nodes() - self._clients.keys() - {
+                UNKNOWN, self._node.get_fully_qualified_name()}:
+            if not is_tool(name) and len(self._clients) < _MOST_NODES:
+                self._clients[name] = self._node.create_client(
+                    GetParameters, f'{name}/get_parameters')
+        for name in self._clients.keys() - self._answers.keys():
+            if self._clients[name].service_is_ready():
+                self._clients[name].call_async(GetParameters.Request(
+                    names=['use_sim_time'])).add_done_callback(partial(self._receive, name))
+
+    def _receive(self, name: str, answer: Any) -> None:
+        for value in answer.result().values:
+            if value.type == ParameterType.PARAMETER_BOOL:
+                self._answers[name] = value.bool_value

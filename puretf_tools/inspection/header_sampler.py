@@ -88,8 +88,8 @@ class _Topic:
     def __init__(self, message_type: Any) -> None:
         self.message_type = message_type
         self._headers = Headers()
-        self._since = self._polled = monotonic()  # the beginning of this second, the last poll
-        self._allowed, self._bytes = 0.0, 0  # messages, and what was read within this second
+        # The beginning of this second, and how many messages and bytes were read within it.
+        self._since, self._count, self._bytes = monotonic(), 0, 0
         self._first = self._last = 0  # the numbers that the publisher has given to messages
 
     def sample(self, publishers: int) -> Headers:
@@ -103,17 +103,15 @@ class _Topic:
     def allowed(self) -> int:
         """Return how many messages may be read now."""
         now = monotonic()
-        self._allowed = min(self._allowed + (now - self._polled) * _RATE, float(_AT_ONCE))
-        self._polled = now
         if now >= self._since + 1.0:
-            self._since, self._bytes = now, 0
-        return max(0, int(self._allowed))
+            self._since, self._count, self._bytes = now, 0, 0
+        return max(0, min(int((now - self._since) * _RATE) - self._count, _AT_ONCE))
 
     def is_paused(self) -> bool:
         return self._bytes > _MOST_BYTES
 
     def add(self, message: ReceivedMessage, is_new: bool) -> None:
-        self._allowed -= 1.0
+        self._count += 1
         self._bytes += len(message)
         if not is_new:
             self._headers.add_frame(message)

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from puretf import TransformBuffer, TransformException
-from puretf._causes.facts import Surroundings
+from puretf._causes.facts import Publisher, Surroundings
 from puretf._core.engine import engine_of
 
 S = 1_000_000_000
@@ -104,3 +104,13 @@ def test_refused_transforms_after_a_reset(buffer, logs):
     buffer.clear()
     assert buffer.insert(T + 6 * S, 'map', 'base', STILL)
     assert buffer.lookup_transform('map', 'base', T + 6 * S)
+
+
+def test_a_log_line_ends_with_the_publisher(logs):
+    """One period is before it."""
+    buffer = TransformBuffer(max_frames=2)
+    engine_of(buffer).look = lambda: Surroundings(
+        topics=['/tf'], publishers=[Publisher('/arm', '/tf', 'tf2_msgs/msg/TFMessage', 'gid')])
+    buffer.insert(T, 'map', 'base', STILL, 'gid')
+    buffer.insert(T, 'map', 'tool', STILL, 'gid')
+    assert logs[0].getMessage().endswith('again and again. Publisher: /arm.')
