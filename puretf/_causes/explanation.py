@@ -147,7 +147,7 @@ def old_data_end(look: Look, authority: str) -> str:
 
 def clock_publishers(nodes: Sequence[str]) -> str:
     """Name the publishers of /clock; several make the time jump."""
-    if len(nodes) == 1 and nodes[0]:
+    if len(nodes) == 1:
         return f' Publisher of /clock: {shortened(nodes[0])}.'
     text = text_of('two_clocks', Facts(CLEARED, Surroundings(
         clock_nodes=nodes, is_simulated=True)))

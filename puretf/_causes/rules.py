@@ -1,6 +1,6 @@
 """The form of a rule, which finds one cause in facts."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 import re
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -76,19 +76,16 @@ def causes(rules: Iterable[Rule], facts: Any, symptom: str) -> list[Cause]:
 
     :param facts: the first argument of the rules; `not_known` has what is not known.
     """
-    relevant = [rule for rule in known(rules, facts.not_known) if symptom in rule.symptoms]
     for is_costly in False, True:
-        found = [*_satisfied([rule for rule in relevant if rule.is_costly == is_costly], facts)]
+        found, explained = list[Cause](), set[str]()
+        for rule in known(rules, facts.not_known):
+            if symptom not in rule.symptoms or rule.is_costly != is_costly or (
+                    rule.code in explained):
+                continue
+            for evidence in rule.find(facts):
+                explained.update(rule.explains)
+                found.append(Cause(rule.code, evidence.text, rule.remedy.format(
+                    **evidence.values), rule.section))
         if found:
             return found
     return []
-
-
-def _satisfied(rules: Sequence[Rule], facts: Any) -> Iterator[Cause]:
-    explained: set[str] = set()
-    for rule in rules:
-        if rule.code not in explained:
-            for evidence in rule.find(facts):
-                explained.update(rule.explains)
-                yield Cause(rule.code, evidence.text, rule.remedy.format(**evidence.values),
-                            rule.section)

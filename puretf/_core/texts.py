@@ -139,10 +139,7 @@ class ThrottledLog:
                 self._warned.add((cause, child))
 
     def forget(self) -> None:
-        """Let `warn` warn of each frame again; if called often, of each cause once a second."""
-        if self.is_due('forget', 1.0):
-            for cause, _ in self._warned:
-                self._next_times.pop(cause, None)
+        """Let `warn` warn of each frame again."""
         self._warned.clear()
 
     def warn_once(self, cause: str, problem: str, silence: float = inf,

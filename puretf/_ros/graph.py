@@ -102,12 +102,11 @@ def _lack(offered: QoSProfile, requested: QoSProfile) -> str:
 
 def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
     """Return the other topics with publishers of transforms: the nearest to the node first."""
-    def distance(topic: str) -> tuple[int, str]:
-        return namespace_distance(topic.rpartition('/')[0], node.get_namespace()), topic
-
+    namespace = node.get_namespace()
     return sorted((topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and topic not in topics
-                   and node.count_publishers(topic)), key=distance)
+                   and node.count_publishers(topic)), key=lambda topic: (
+                       namespace_distance(topic.rpartition('/')[0], namespace), topic))
 
 
 def blocked_nodes(node: Node) -> dict[str, Blocked]:

@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import closing, suppress
-from threading import Lock
 from time import monotonic, sleep
 
 from rclpy.node import Node
@@ -79,26 +78,21 @@ class Ear:
     """Listens to all topics of transforms for half a second at most, once in five seconds."""
 
     def __init__(self, node: Node) -> None:
-        self._node, self._heard = node, tuple[Heard, ...]()
-        self._next, self._lock = 0.0, Lock()
+        self._node, self._heard, self._next = node, tuple[Heard, ...](), 0.0
 
     def listen(self) -> Sequence[Heard]:
         """Return what was heard last."""
-        if monotonic() >= self._next and self._lock.acquire(blocking=False):
-            try:
-                with suppress(Exception):  # the node is destroyed, or ROS shut down
-                    self._listen()
-            finally:
-                self._next = monotonic() + _PAUSE
-                self._lock.release()
+        if monotonic() >= self._next:
+            self._next = monotonic() + _DURATION + _PAUSE  # no other thread listens meanwhile
+            with suppress(Exception):  # the node is destroyed, or ROS shut down
+                self._listen()
         return self._heard
 
     def _listen(self) -> None:
         with closing(TransformSampler(self._node, ())) as sampler:
             deadline = monotonic() + _DURATION
-            while monotonic() < deadline:
-                sampler.poll()
-                if sampler.is_complete():
-                    break
+            sampler.poll()
+            while monotonic() < deadline and not sampler.is_complete():
                 sleep(_POLL_INTERVAL)
+                sampler.poll()
             self._heard = *sampler.heard(),

@@ -19,6 +19,8 @@ from puretf._wire.message_reader import Encoding
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 0.5
+#: With more names, the oldest ones of publishers that are gone are dropped.
+_MOST_NAMES = 10_000
 _LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
 _OTHER = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
 
@@ -65,12 +67,10 @@ class Publishers:
     The publishers on some topics in the ROS graph, also those that are gone.
 
     :param type_name: the type of their messages; '': any.
-    :param most_names: with more names, the oldest ones of publishers that are gone are dropped.
     """
 
-    def __init__(self, node: Node, topics: Collection[str], type_name: str = '',
-                 most_names: int = 10_000) -> None:
-        self._node, self._topics, self._type, self._most = node, topics, type_name, most_names
+    def __init__(self, node: Node, topics: Collection[str], type_name: str = '') -> None:
+        self._node, self._topics, self._type = node, topics, type_name
         #: By gid: the name of the node, and the topic; also of publishers that are gone.
         self.nodes: dict[str, tuple[str, str]] = {}
         #: The gids of the publishers that exist.
@@ -82,7 +82,7 @@ class Publishers:
     def add_unknown(self, gid: str, topic: str) -> None:
         """Keep the topic of a publisher, because its gid may never be in the ROS graph."""
         self._unknown[gid] = topic
-        if len(self._unknown) > self._most:
+        if len(self._unknown) > _MOST_NAMES:
             del self._unknown[next(iter(self._unknown))]
 
     def query_if_due(self) -> None:
@@ -103,7 +103,7 @@ class Publishers:
                     self.nodes[gid] = name, topic
         self.present = frozenset(present)
         gone = [gid for gid in tuple(self.nodes) if gid not in present]
-        for gid in gone[:max(0, len(self.nodes) - self._most)]:
+        for gid in gone[:max(0, len(self.nodes) - _MOST_NAMES)]:
             self.nodes.pop(gid, None)
 
     def names_of(self, gids: Iterable[str]) -> dict[str, str]:
@@ -128,13 +128,17 @@ class TopicReader:
     """
     A subscription to a topic of any type, whose messages are taken as bytes with their publishers.
 
-    No executor serves it. It must be closed before its node is destroyed.
+    It matches all publishers; or, if it also receives the latched messages of the past, those that
+    latch. No executor serves it. It must be closed before its node is destroyed.
 
     :meta private:
     """
 
-    def __init__(self, node: Node, message_type: Any, topic: str, qos: QoSProfile) -> None:
-        self.begin, self._depth = time_ns(), qos.depth
+    def __init__(self, node: Node, message_type: Any, topic: str, depth: int,
+                 is_latched: bool = False) -> None:
+        self.begin, self._depth = time_ns(), depth
+        reliability, durability = _LATCHED if is_latched else _OTHER
+        qos = QoSProfile(depth=depth, reliability=reliability, durability=durability)
         #: The time of the last `take`, and the shortest time between sending and arrival (ns).
         self._last_take, self._delay = self.begin, 2**63
         self._subscription = subscribe(
@@ -229,15 +233,12 @@ class TopicWatch:
 
     def _read(self, topic: str, message_type: Any) -> None:
         node, readers = self.node_for(topic), self.readers.setdefault(topic, {})
-        # A best-effort, volatile subscription matches all publishers. But latched messages of the
-        # past are sent only to a reliable, transient-local one.
         for is_latched in {(info.qos_profile.reliability, info.qos_profile.durability) == _LATCHED
                            for info in node.get_publishers_info_by_topic(topic)} or {False}:
             if is_latched not in readers:
-                reliability, durability = _LATCHED if is_latched else _OTHER
                 with suppress(RuntimeError):  # this node listens to another type on the topic
-                    readers[is_latched] = TopicReader(node, message_type, topic, QoSProfile(
-                        depth=self._depth, reliability=reliability, durability=durability))
+                    readers[is_latched] = TopicReader(
+                        node, message_type, topic, self._depth, is_latched)
 
     def leave(self, topic: str) -> None:
         """Close the readers of a topic, until it is wanted again."""

@@ -65,7 +65,13 @@ class RecentFindings:
         if self._was_simulated != (simulated := self._listener.clock.is_simulated):
             self._was_simulated, self._found = simulated, {}
         if not is_complete or now >= self._begin + _LENGTH:
-            self._restart(is_complete, now)
+            # Begin again with the last transforms of each frame: some are sent seldom, or once.
+            before, self._begin = self._statistics.last, now
+            self._statistics = _Statistics(self._listener.clock)
+            for table in before.values():
+                if table.is_static or (
+                        is_complete and self._listener.is_present(table.publisher) is not False):
+                    self._statistics.add(table)
         self._statistics.add_messages(messages)
         self._examine(other_transforms, now)
         self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
@@ -73,15 +79,6 @@ class RecentFindings:
     def is_due(self, now: float) -> bool:
         """Return whether `update` is to be called, so that it takes 5 % of the time at most."""
         return now >= self._next
-
-    def _restart(self, is_complete: bool, now: float) -> None:
-        """Begin again with the last transforms of each frame: some are sent seldom, or once."""
-        before, self._begin = self._statistics.last, now
-        self._statistics = _Statistics(self._listener.clock)
-        for table in before.values():
-            if table.is_static or (
-                    is_complete and self._listener.is_present(table.publisher) is not False):
-                self._statistics.add(table)
 
     def _examine(self, other_transforms: Sequence[Heard], now: float) -> None:
         listener, statistics = self._listener, self._statistics

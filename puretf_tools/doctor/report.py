@@ -104,12 +104,11 @@ def examine_bag(bag: Paths, *, ignore: Collection[str] = (), **options: Any) -> 
     name = str(paths[0]) if paths else ''
     try:
         with open_bag(paths, **options) as opened:
-            report = examine(opened, ignore=ignore)
+            return {'bag': name, **examine(opened, ignore=ignore).as_dict()}
     except OSError as error:
         return {'bag': name, 'error': f'cannot read {name}: {error.strerror or error}'}
     except Exception as error:  # whatever is wrong with one bag, the others are examined
         return {'bag': name, 'error': str(error) or type(error).__name__}
-    return {'bag': name, **report.as_dict()}
 
 
 def check_codes(codes: Collection[str]) -> None:

@@ -17,24 +17,20 @@ def explained(words: str) -> str:
     """
     Return the sections that some words mean; without words, the names of all.
 
+    The words are a short name, the code of a finding, or words of headings.
+
     :raises ValueError: if they mean none.
     """
     if not words:
         return '\n'.join(columns([(name, heading) for heading, name in SECTION_NAMES.items()]))
-    if headings := _find(words):
-        return '\n\n'.join('\n'.join(_section(heading)) for heading in headings)
-    names = (*SECTION_NAMES.values(), *CHECKS)
-    raise ValueError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
-
-
-def _find(words: str) -> list[str]:
-    """Return the headings that a short name, the code of a finding, or words of headings mean."""
-    if headings := [heading for heading, name in SECTION_NAMES.items() if name == words]:
-        return headings
-    if words in CHECKS:
-        return [CHECKS[words].section]
-    return [heading for heading in SECTION_NAMES
-            if all(word in heading.lower() for word in words.lower().split())]
+    headings = [heading for heading, name in SECTION_NAMES.items() if name == words] or (
+        [CHECKS[words].section] if words in CHECKS else
+        [heading for heading in SECTION_NAMES
+         if all(word in heading.lower() for word in words.lower().split())])
+    if not headings:
+        names = (*SECTION_NAMES.values(), *CHECKS)
+        raise ValueError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
+    return '\n\n'.join('\n'.join(_section(heading)) for heading in headings)
 
 
 def _section(heading: str) -> Iterator[str]:

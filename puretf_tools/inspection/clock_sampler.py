@@ -9,7 +9,6 @@ from typing import Any
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from puretf import SECOND
@@ -39,8 +38,7 @@ class ClockSampler:
     def __init__(self, node: Node) -> None:
         """Subscribe."""
         self._node, self.clock = node, StampClock()
-        self._reader = TopicReader(node, Clock, TOPIC, QoSProfile(
-            depth=200, reliability=ReliabilityPolicy.BEST_EFFORT))
+        self._reader = TopicReader(node, Clock, TOPIC, 200)
         self._senders, self._last, self._moved = Senders(), -1, time_ns()
         self.jumps: list[int] = []  #: when the time has jumped back (ns, on the system clock)
 

@@ -46,9 +46,7 @@ class StampClock:
 
     def at(self, arrivals: NDArray[np.int64]) -> Optional[NDArray[np.int64]]:
         """Convert (n,) times of the system clock to this clock (ns); None: it is not known."""
-        if self.is_simulated:
-            return self._simulated(arrivals)
-        return arrivals
+        return self._simulated(arrivals) if self.is_simulated else arrivals
 
     def now(self) -> int:
         """Return the present time (ns); 0: not known, as nothing has arrived on /clock."""

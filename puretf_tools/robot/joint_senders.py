@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from sensor_msgs.msg import JointState
 
-_COMMAND = '/joint_command'
 #: The time between two looks at the nodes in the network (s).
 _PERIOD = 1.0
 #: After a viewer has moved a joint, its reported positions do not count for this time (s).
@@ -137,7 +136,6 @@ class JointCommander(JointControl):
     can_wave = True
 
     def __init__(self, node: 'Node', topic: str, namespace: str, description: Description) -> None:
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
         from sensor_msgs.msg import JointState
 
         from puretf.publisher_listener import TopicReader
@@ -147,9 +145,7 @@ class JointCommander(JointControl):
         #: When the reported positions count again, by joint (s, monotonic clock).
         self._next: dict[str, float] = {}
         self._publisher = node.create_publisher(JointState, topic, 10)
-        self._states = TopicReader(
-            node, JointState, full_name(namespace, 'joint_states'),
-            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+        self._states = TopicReader(node, JointState, full_name(namespace, 'joint_states'), 1)
         self._reader = JointStateReader(node, self._states.topic)
 
     def close(self) -> None:
@@ -174,7 +170,7 @@ class JointCommander(JointControl):
 
     def wave(self) -> None:
         self._next.clear()
-        self._publisher.publish(_message(self._node, {}))
+        self._send([])  # hold no joint
 
     def _send(self, names: Sequence[str]) -> None:
         self._next.update(dict.fromkeys(names, monotonic() + _PATIENCE))
@@ -222,8 +218,8 @@ class JointCommanders(JointControls):
     def _listening(self) -> Iterator[tuple[str, str]]:
         """Yield each topic joint_command with the namespace of each node that listens to it."""
         from puretf.publisher_listener import node_of, UNKNOWN
-        for topic, types in sorted(self._node.get_topic_names_and_types()):
-            if topic.endswith(_COMMAND) and JOINT_STATE in types:
+        for topic, _ in sorted(self._node.get_topic_names_and_types()):
+            if topic.endswith('/joint_command'):
                 for info in self._node.get_subscriptions_info_by_topic(topic):
                     if info.topic_type == JOINT_STATE and node_of(info) != UNKNOWN:
                         yield topic, info.node_namespace

@@ -187,9 +187,10 @@ def test_the_list_of_possible_publishers_is_short():
         'a': 'one of /0/node, /1/node, /2/node, /3/node, /4/node and 4 more'}
 
 
-def test_the_topics_that_are_kept_for_gids_are_bounded():
+def test_the_topics_that_are_kept_for_gids_are_bounded(monkeypatch):
     """Of publishers whose gids are not known, the oldest ones are forgotten."""
-    publishers = Publishers(Graph(1, 2), ['/tf'], most_names=1)
+    monkeypatch.setattr(topic_watch, '_MOST_NAMES', 1)
+    publishers = Publishers(Graph(1, 2), ['/tf'])
     for name in 'ab':
         publishers.add_unknown(name, '/tf')
     assert publishers.names_of('ab') == {'a': UNKNOWN, 'b': 'one of /1/node, /2/node'}
@@ -406,10 +407,11 @@ def test_the_number_and_size_of_kept_messages_are_bounded():
             assert kept.take() == ([], 0)
 
 
-def test_the_names_that_are_kept_are_bounded():
+def test_the_names_that_are_kept_are_bounded(monkeypatch):
     """The names of the existing publishers are kept, and those of the last that have ended."""
+    monkeypatch.setattr(topic_watch, '_MOST_NAMES', 10)
     graph = Graph()
-    publishers = Publishers(graph, ['/tf'], most_names=10)
+    publishers = Publishers(graph, ['/tf'])
     for i in range(1, 100):
         graph.numbers = 0, i
         assert publishers.names_of([gid(i)]) == {gid(i): f'/{i}/node'}
@@ -432,7 +434,7 @@ def test_a_reader_of_another_topic(ros, monkeypatch, has_gids):
     if not has_gids:
         monkeypatch.setattr('puretf._ros.subscription.rcl_take', lambda: None)
     publisher = ros.node.create_publisher(String, '/words', 10)
-    reader = TopicReader(ros.node, String, '/words', QoSProfile(depth=10))
+    reader = TopicReader(ros.node, String, '/words', 10)
     assert reader.has_gids is has_gids
     ros.until(publisher.get_subscription_count)
     for word in 'one', 'two':

@@ -79,7 +79,7 @@ def test_times_of_arrival_that_the_middleware_does_not_report(ros, monkeypatch):
     """They are later than the sending by the shortest delay, and not before the last take."""
     now = sent = 0
     monkeypatch.setattr(topic_watch, 'time_ns', lambda: now)
-    reader, found = TopicReader(ros.node, String, '/words', QoSProfile(depth=1)), []
+    reader, found = TopicReader(ros.node, String, '/words', 1), []
     monkeypatch.setattr(reader, '_taker', SimpleNamespace(
         has_reception_times=False, take=lambda most: [ReceivedMessage.of(b'', sent=sent)]))
     for now, sent in (50, 40), (100, 61), (150, 149), (200, 120):  # noqa: B007
