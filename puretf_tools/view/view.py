@@ -40,8 +40,6 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 #: After an update that took long, since there are many frames, the page rests for this many times
 #: as long. Meanwhile viser sends the changes to the viewers.
 _REST = 4.0
-#: How long a viewer waits for what the browser has stored (s).
-_PATIENCE = 5.0
 #: The largest size of a view that is stored (ASCII): a browser sends it back in a message.
 _LONGEST_STORED = LONGEST - 1024
 #: The number of moments that the first camera shows.
@@ -324,11 +322,10 @@ class Pace:
 
     def _ask_and_move(self) -> None:
         try:
-            self.stored = self._client.local_storage.get_item(self._key, _PATIENCE)
+            # A browser that is slow must not begin anew, and store that.
+            self.stored = self._client.local_storage.get_item(self._key)
         except RuntimeError:  # or the viewer has left
             self.is_blocked = True
-        except TimeoutError:
-            pass
         self.is_waiting = False
         questions = cycle((PIXEL_RATIO, PANELS))
         while move := self._moves.get():
