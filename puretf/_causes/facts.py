@@ -147,11 +147,16 @@ class Edge(NamedTuple):
     nanosec: int = 0  #: a `nanosec` of its stamps that is 10**9 or more; 0: there is none
     is_full: bool = False  #: True if samples were dropped since there were too many
     stalled: int = 0  #: from the arrival of the newest stamp to that of the last transform
-    spread: int = 0  #: by how much stamps minus arrivals have varied in the last seconds
+    offsets: Sequence[int] = ()  #: the newest stamp minus its arrival, in each of some seconds
 
     @property
     def period(self) -> int:
         return min((self.latest - self.oldest) // max(self.samples - 1, 1), OTHER_CLOCK)
+
+    @property
+    def spread(self) -> int:
+        """By how much stamps minus arrivals have varied in the last seconds."""
+        return max(self.offsets) - min(self.offsets) if self.offsets else 0
 
     @property
     def still_arrives(self) -> bool:

@@ -1,5 +1,6 @@
 """The errors of lookups: tf2's words, and what follows them when the text is read."""
 
+from functools import partial
 from itertools import takewhile
 from time import monotonic_ns
 from typing import Optional
@@ -12,6 +13,7 @@ from puretf._causes.facts import (
     Facts,
     Frames,
     FUTURE,
+    Look,
     MISSING,
     ONE_TIME,
     PAST,
@@ -120,7 +122,7 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
         now - history.arrival, history.repeated, history.refused,
         history.refused_stamp, history.refused_authority, history.is_refusing,
         tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance,
-        max(history.offsets, default=0) - min(history.offsets, default=0)))
+        history.offsets))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END
@@ -133,27 +135,29 @@ def unconnected(tree: FrameTree, target: str, source: str, time: int = END
 
 def _why_unconnected(tree: FrameTree, target: str, source: str, time: int = END) -> Explanation:
     """Explain that two frames have different roots at a time (ns)."""
-    source_root, target_root = (
-        [*chain][-1] for chain in tree.chains_to_meeting(source, target, time)[:2])
-    for root in source_root, target_root:
+    from_source, from_target, _ = tree.chains_to_meeting(source, target, time)
+    roots = [*from_target][-1], [*from_source][-1]
+    for root in roots[::-1]:
         if (history := tree.histories[root]) is not None and not len(history):
             return _explanation(tree, CLEARED, (root,))
-    return _explanation(tree, UNCONNECTED, (target, source), (target_root, source_root))
+    return _explanation(tree, UNCONNECTED, (target, source), roots)
 
 
 def _explanation(tree: FrameTree, symptom: str, names: tuple[str, ...],
                  roots: tuple[str, ...] = (), time: int = 0, edge: Optional[Edge] = None
                  ) -> Explanation:
     """Copy what is known now; the rest is asked when the text is read, without the lock."""
-    reference, look, known = ref(tree), tree.look, tree.names if edge is None else ()
+    # A closure would cost more, since its cells are objects for the garbage collector.
+    return partial(_explain, ref(tree), tree.look, tree.names if edge is None else (), symptom,
+                   names, roots, time, edge)
 
-    def explained(error: TransformException) -> tuple[str, tuple[str, ...]]:
-        tree = reference()
-        frames = Frames(known) if tree is None else tree.facts(known)
-        return explain(Facts(symptom, look(), frames, names, roots, time, edge, error._waited,
-                             error._is_duration))
 
-    return explained
+def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: str,
+             names: tuple[str, ...], roots: tuple[str, ...], time: int, edge: Optional[Edge],
+             error: TransformException) -> tuple[str, tuple[str, ...]]:
+    tree = tree_ref()
+    return explain(Facts(symptom, look(), Frames(known) if tree is None else tree.facts(known),
+                         names, roots, time, edge, error._waited, error._is_duration))
 
 
 def too_long(tree: FrameTree, chain: list[str]) -> LookupException:
