@@ -387,13 +387,14 @@ def _listening_to(topic: str) -> str:
        explains=('silent_publisher', 'several_trees', 'disconnected', 'other_namespace'))
 def _half_namespace(facts: Facts) -> Iterator[Evidence]:
     topics, parents = facts.around.topics, facts.buffer.newest
+    with_children = {*parents.values()}
     own = topics[-1].removesuffix('_static')
     trees: dict[str, dict[str, Heard]] = {}  # by the other topics: who sends which child
     for heard in facts.heard:
         if heard.topic not in topics:
             trees.setdefault(heard.base, {}).update(dict.fromkeys(heard.parents, heard))
     # If a frame is the root in several namespaces, these are robots that share it, such as a map.
-    roots = [{*parents.values()} - parents.keys(), *(
+    roots = [with_children - parents.keys(), *(
         {each.parents[child] for child, each in tree.items()} - tree.keys()
         for tree in trees.values())]
     for base in sorted(trees, key=lambda base: (_namespaces_between(base, own), base)):
@@ -401,7 +402,7 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
         # The whole tree of another robot has the same children, or no frame in common.
         is_another = not trees[base].keys().isdisjoint(parents)
         joints = {frame for parent, child, _ in edges for frame, others in (
-            (parent, parents.keys()), (child, {*parents.values()})) if frame in others
+            (parent, parents.keys()), (child, with_children)) if frame in others
             and not is_another and sum(frame in each for each in roots) < 2}
         wanted = ({*facts.names[:1]} if facts.symptom == MISSING else joints & {*facts.roots}
                   if facts.symptom == UNCONNECTED else {*sorted(joints)[:1]})

@@ -113,7 +113,9 @@ class Observation:
     def __post_init__(self) -> None:
         """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
+        # Tracks whose transforms always arrive together share them.
         self._edges: dict[frozenset[tuple[int, ...]], Optional[Edge]] = {}
+        self._steps: dict[frozenset[tuple[int, ...]], Optional[Step]] = {}
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
             self.left_out.append(
@@ -277,11 +279,14 @@ class Observation:
 
     def step(self, track: Track) -> Optional[Step]:
         """Return the largest step of the stamps of a track; None: it is not known."""
-        if timed := self._timed(track):
-            arrivals, stamps = timed
-            if len(steps := np.diff(stamps)) and steps.max() > 0:
-                return Step(arrivals, arrivals - stamps, int(steps.argmax()))
-        return None
+        key = self.statistics.together([track])
+        if key not in self._steps:
+            self._steps[key] = None
+            if len(track.steps) and (timed := self._timed(track)):
+                arrivals, stamps = timed
+                self._steps[key] = Step(
+                    arrivals, arrivals - stamps, int(np.diff(stamps).argmax()))
+        return self._steps[key]
 
     def _timed(self, track: Track) -> Optional[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Return the arrivals, on the clock of the stamps, and the stamps of a dynamic track."""

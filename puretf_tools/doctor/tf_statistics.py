@@ -8,7 +8,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from math import ceil, log2
-from typing import Any, Optional
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,14 @@ _FIELDS = np.dtype([
 ])
 
 
+class Steps(NamedTuple):
+    """The steps forward from stamp to stamp of a track."""
+
+    lengths: NDArray[np.int64]  #: (n,) ns
+    largest: tuple[int, int]  #: as `Track.largest_step`
+    period: float  #: as `Track.period`
+
+
 class Track:
     """The transforms of one child from one publisher on one topic."""
 
@@ -96,17 +104,17 @@ class Track:
     @property
     def steps(self) -> NDArray[np.int64]:
         """The (n,) steps forward from stamp to stamp (ns), of transforms that are not static."""
-        return self._statistics.steps(self)[0]
+        return self._statistics.steps(self).lengths
 
     @property
     def largest_step(self) -> tuple[int, int]:
         """The largest step, and the stamp before it (ns); 0, 0: there is none."""
-        return self._statistics.steps(self)[1]
+        return self._statistics.steps(self).largest
 
     @property
     def period(self) -> float:
         """The median of the steps (ns); 0.0: there is none."""
-        return float(np.median(self.steps)) if len(self.steps) else 0.0
+        return self._statistics.steps(self).period
 
     @property
     def rate(self) -> Optional[float]:
@@ -145,9 +153,7 @@ class Statistics(Counts):
         #: By the numbers of dynamic tracks whose transforms arrive together: the times of arrival
         #: and the stamps (ns).
         self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
-        #: By the key of `together`: what `steps` returns.
-        self._steps: dict[
-            frozenset[tuple[int, ...]], tuple[NDArray[np.int64], tuple[int, int]]] = {}
+        self._steps: dict[frozenset[tuple[int, ...]], Steps] = {}  #: by the key of `together`
 
     def tracks(self) -> list[Track]:
         """Return the tracks, in the order of their first messages."""
@@ -200,15 +206,18 @@ class Statistics(Counts):
         order = order[stamps[order] != 0]
         return times[order], stamps[order]
 
-    def steps(self, track: Track) -> tuple[NDArray[np.int64], tuple[int, int]]:
-        """Return `Track.steps` and `Track.largest_step`."""
+    def steps(self, track: Track) -> Steps:
         key = self.together([track])
         if key not in self._steps:
             _, stamps = self.arrivals(key)
             steps = np.diff(stamps)
-            i = int(steps.argmax()) if (steps > 0).any() else -1
-            self._steps[key] = steps[steps > 0], (
-                (int(steps[i]), int(stamps[i])) if i >= 0 else (0, 0))
+            forward = steps[steps > 0]
+            if len(forward):
+                i = int(steps.argmax())
+                self._steps[key] = Steps(
+                    forward, (int(steps[i]), int(stamps[i])), float(np.median(forward)))
+            else:
+                self._steps[key] = Steps(forward, (0, 0), 0.0)
         return self._steps[key]
 
     def add_messages(self, messages: Iterable[Message]) -> None:
