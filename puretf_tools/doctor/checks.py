@@ -195,10 +195,9 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
                      remedy=None if text else '')
 
 
-def _of_lookups(code: str, meaning: str, severity: str = 'error', *needs: str) -> None:
+def _of_lookups(code: str, meaning: str, **fields: object) -> None:
     """Add a check for what a rule of errors finds in the facts of the ROS graph."""
-    _check(*_same(code), meaning=meaning, severity=severity, needs=needs)(
-        partial(_found_by, code))
+    _check(*_same(code), meaning=meaning, **fields)(partial(_found_by, code))
 
 
 def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
@@ -209,19 +208,19 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
 
 
 _of_lookups('no_clock', 'Nodes use the time on /clock, and nothing publishes it: their time does '
-            'not begin.', ERROR, 'listeners')
+            'not begin.', needs=('listeners',))
 _of_lookups('other_user', 'Another user runs nodes on this computer, and Fast DDS brings nothing '
-            'from one user to the other.', ERROR, 'listeners')
+            'from one user to the other.', needs=('listeners',))
 _of_lookups('no_robot_state_publisher', 'Joint states have a publisher, but nothing publishes '
-            'transforms.', ERROR, 'listeners')
+            'transforms.', needs=('listeners',))
 _of_lookups('wrong_type', 'Messages on /tf or /tf_static have another type than '
             f'{TF_MESSAGE}; no listener receives them.')
 _of_lookups('static_not_latched', 'A publisher on /tf_static does not keep its messages for later '
-            'listeners.', ERROR, 'qos')
+            'listeners.', needs=('qos',))
 _of_lookups('other_namespace', 'Nothing publishes on /tf, but there are transforms on the topic '
-            'tf of a namespace.', WARNING)
+            'tf of a namespace.', severity=WARNING)
 _of_lookups('silent_publisher', 'Nothing has arrived from a publisher on /tf or /tf_static.',
-            INFO, 'listeners')
+            severity=INFO, needs=('listeners',))
 
 
 @_check('two_publishers', 'Stop one of the publishers, or give its frame another name.',
@@ -276,8 +275,8 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
         '/tf_static again and again: what a new publisher sends can be lost, and each of them '
         'costs all listeners memory and time.')
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
-    groups = {key: [track for track in observation.tracks if track.publisher in {*publishers}]
-              for key, publishers in observation.recreated.items()}
+    groups = {key: [track for track in observation.tracks if track.publisher in found]
+              for key, publishers in observation.recreated.items() for found in [{*publishers}]}
     # A broadcaster that is created in a callback sends little.
     usual = {key: np.median([track['count'] for track in tracks]) if tracks else 0.0
              for key, tracks in groups.items()}
