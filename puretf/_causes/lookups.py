@@ -313,6 +313,7 @@ def _nanosec(facts: Facts) -> Iterator[Evidence]:
        'StaticTransformBroadcaster.', 'A frame does not exist', symptoms=_NO_DATA,
        needs=('publishers',), explains=('no_transforms',))
 def _wrong_type(facts: Facts) -> Iterator[Evidence]:
+    """Find messages of another type on /tf and /tf_static; no listener receives them."""
     wrong = [each for each in facts.around.publishers or () if each.type != TF_MESSAGE]
     texts = dict.fromkeys(f'{shortened(each.node) or "a node"} publishes {shortened(each.type)} '
                           f'on {each.topic}' for each in wrong)
@@ -334,6 +335,7 @@ def _of_qos(code: str, lack: str, remedy: str) -> None:
     @_rule(code, remedy, 'The QoS of /tf_static', symptoms=_NO_DATA, needs=('publishers',),
            explains=('no_transforms',))
     def find(facts: Facts) -> Iterator[Evidence]:
+        """Find publishers that do not offer what listeners require."""
         topics: dict[str, list[str]] = {}
         for each in () if facts.has_near_name else facts.around.publishers or ():
             if each.type == TF_MESSAGE and each.lacks == lack and _may_send(facts, each.node):
@@ -362,8 +364,9 @@ _of_qos('incompatible_qos', 'reliable', 'Send with a TransformBroadcaster, or pa
 
 @_rule('other_namespace', 'To listen to {topic}, pass {options}.',
        'A leading slash, or a namespace', symptoms=_NO_DATA, needs=('listener',),
-       explains=('no_transforms',))
+       explains=('no_transforms',), severity='warning')
 def _other_namespace(facts: Facts) -> Iterator[Evidence]:
+    """Find transforms on the topic tf of a namespace, while /tf has none."""
     around = facts.around
     if around.is_fed or not around.other_topics or len(around.topics) == 1 or (
             facts.has_near_name):
@@ -437,6 +440,7 @@ def remap_both(topic: str) -> str:
        'use_sim_time and the wall clock', symptoms=(*_NO_DATA, *_TIMES, CLEARED),
        needs=('clock_nodes',), explains=('gap', 'other_clock', 'no_transforms'))
 def _no_clock(facts: Facts) -> Iterator[Evidence]:
+    """Find nodes that wait for /clock, which nothing publishes."""
     around = facts.around
     if around.clock_nodes:
         return
@@ -482,6 +486,7 @@ def remap(topic: str, other: str) -> str:
 @_rule('no_robot_state_publisher', 'Start robot_state_publisher FILE.', 'A frame does not exist',
        symptoms=(SILENCE, MISSING), needs=('publishers',), explains=('no_transforms',))
 def _no_robot_state_publisher(facts: Facts) -> Iterator[Evidence]:
+    """Find joint states while nothing publishes transforms."""
     around = facts.around
     own = f'{around.topics[-1].rpartition("/")[0]}/joint_states' if around.topics else ''
     topics = [own] if own in around.joint_states else (
@@ -508,6 +513,7 @@ def _no_transforms(facts: Facts) -> Iterator[Evidence]:
        symptoms=(SILENCE, MISSING), needs=('publishers',), is_costly=True,
        explains=('no_transforms', 'silent_publisher'))
 def _other_user(facts: Facts) -> Iterator[Evidence]:
+    """Find nodes of another user, from which Fast DDS brings nothing."""
     around = facts.around
     nodes = {each.node for each in around.publishers or ()}
     # The names of nodes are received by the way on which nothing arrives.
@@ -518,8 +524,9 @@ def _other_user(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('silent_publisher', '', 'A frame does not exist', symptoms=_NOT_THERE,
-       needs=('publishers',), is_costly=True)
+       needs=('publishers',), is_costly=True, severity='info')
 def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
+    """Find publishers on /tf and /tf_static from which nothing arrives."""
     around = facts.around
     sent = {each.gid for each in facts.heard if each.topic in around.topics}
     heard = {child for each in facts.heard for child in each.parents}

@@ -32,7 +32,7 @@ class Rule(NamedTuple):
     #: False if only the process of the lookup can know it, so that tf_doctor cannot.
     is_on_wire: bool = True
     severity: str = 'error'  #: in `tf_doctor`; or 'warning' or 'info'
-    meaning: str = ''  #: in `tf_doctor`: what the fault is
+    meaning: str = ''  #: in `tf_doctor`: what it finds
 
     @property
     def advice(self) -> str:
@@ -55,7 +55,8 @@ def registry(rules: dict[str, Rule]) -> Callable[..., Callable[[Any], Any]]:
              ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         def add(find: Callable[..., Any]) -> Callable[..., Any]:
             assert code not in rules
-            rules[code] = Rule(code, remedy, section, find, **fields)
+            rules[code] = Rule(
+                code, remedy, section, find, **fields, meaning=find.__doc__ or '')
             return find
 
         return add

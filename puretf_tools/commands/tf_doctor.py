@@ -26,7 +26,8 @@ from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
 from puretf_tools.doctor.observation import BagObserver, in_words, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
-from puretf_tools.doctor.tf_statistics import FUTURE, Statistics
+from puretf_tools.doctor.stream import FUTURE
+from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.bag_times import span_of, why_outside
 from puretf_tools.inspection.gaps import holes_at

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, combinations, pairwise
-from math import ceil, isfinite
+from math import ceil
 from operator import attrgetter, itemgetter
 import re
 from types import MappingProxyType
@@ -22,9 +22,8 @@ from puretf import (
     SECOND,
     shortened,
     suggest_names,
-    TF_MESSAGE,
 )
-from puretf._causes.clocks import apart, known_offset, SINCE_START
+from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, OTHER_CLOCK, SILENCE
 from puretf._causes.lookups import (
@@ -39,29 +38,14 @@ from puretf._causes.lookups import (
 from puretf._causes.rules import known, registry, Rule
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
-from puretf_tools.doctor.tf_statistics import (
-    distances,
-    FUTURE,
-    LATE,
-    NORM_TOLERANCE,
-    SMALLEST_JUMP,
-    Track,
-)
+from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, SHORTEST_GAP
+from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.inspection.stamp_clock import StampClock
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
-#: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
-#: `_SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are at
-#: least the part `_JITTER` of all steps, and at least `_FEWEST_GAPS`.
-_GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
-#: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
-#: some programs send several transforms of a frame at once.
-_FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
-#: A move from pose to pose is a jump if it is this many times as fast as the frame usually is.
-_JUMP = 10
 #: Transforms that differ by less (m plus rad) are equal.
 _EQUAL = 1e-5
 #: A transform of /tf was sent once if none follows within this time (ns).
@@ -81,9 +65,6 @@ _SLOW_CLOCK = 0.11 * SECOND
 _FEW_SWITCHES, _SWITCHES = 2, 0.02
 #: No timeout that is longer than this (s) is proposed.
 _LONGEST_TIMEOUT = 10.0
-#: If the nanoseconds of stamps are all below the first number, while delays differ by more than
-#: the second one (ns), at this rate (Hz) or more, they are another unit.
-_FIRST_PART, _SPREAD, _LEAST_RATE = SECOND // 5, SECOND // 2, 5.0
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: The names of this many roots are compared with those of the other frames.
@@ -186,18 +167,14 @@ def _hertz(track: Track) -> str:
 
 
 @_check('no_transforms', 'Start the nodes that publish transforms, in the same ROS domain.',
-        'A frame does not exist', meaning='Nothing was received on /tf and /tf_static.')
+        'A frame does not exist')
 def _no_transforms(observation: Observation) -> Iterator[_Fault]:
+    """Find that nothing was received on /tf and /tf_static."""
     if not observation.tracks:
         # It has its remedy.
         text = explain(Facts(SILENCE, observation.around))[0].partition(' More: ')[0]
         yield _Fault(text or '0 transforms', topics=observation.topics,
                      remedy=None if text else '')
-
-
-def _of_lookups(code: str, meaning: str, **fields: object) -> None:
-    """Add a check for what a rule of errors finds in the facts of the ROS graph."""
-    _check(*_same(code), meaning=meaning, **fields)(partial(_found_by, code))
 
 
 def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
@@ -207,26 +184,17 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
                      explains=dict.fromkeys(RULES[code].explains))
 
 
-_of_lookups('no_clock', 'Nodes use the time on /clock, and nothing publishes it: their time does '
-            'not begin.', needs=('listeners',))
-_of_lookups('other_user', 'Another user runs nodes on this computer, and Fast DDS brings nothing '
-            'from one user to the other.', needs=('listeners',))
-_of_lookups('no_robot_state_publisher', 'Joint states have a publisher, but nothing publishes '
-            'transforms.', needs=('listeners',))
-_of_lookups('wrong_type', 'Messages on /tf or /tf_static have another type than '
-            f'{TF_MESSAGE}; no listener receives them.')
-_of_lookups('static_not_latched', 'A publisher on /tf_static does not keep its messages for later '
-            'listeners.', needs=('qos',))
-_of_lookups('other_namespace', 'Nothing publishes on /tf, but there are transforms on the topic '
-            'tf of a namespace.', severity=WARNING)
-_of_lookups('silent_publisher', 'Nothing has arrived from a publisher on /tf or /tf_static.',
-            severity=INFO, needs=('listeners',))
+for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
+                     ('no_robot_state_publisher', 'listeners'), ('wrong_type', ''),
+                     ('static_not_latched', 'qos'), ('other_namespace', ''),
+                     ('silent_publisher', 'listeners')):
+    CHECKS[_code] = RULES[_code]._replace(find=partial(_found_by, _code), needs=(_need,))
 
 
 @_check('two_publishers', 'Stop one of the publishers, or give its frame another name.',
-        'A frame jumps or flickers', needs=('nodes',), meaning='Two publishers send the '
-        'transform of one child at the same time, so the frame jumps between two poses.')
+        'A frame jumps or flickers', needs=('nodes',))
 def _two_publishers(observation: Observation) -> Iterator[_Fault]:
+    """Find two publishers that send a frame at the same time, so that it jumps."""
     pairs: dict[tuple[str, str, bool, bool], list[tuple[Track, Track]]] = {}
     again = {*chain.from_iterable(observation.recreated.values())}
     for tracks in observation.by_child.values():
@@ -269,18 +237,16 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
     return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
 
 
-@_check('many_publishers',
-        'Create the broadcaster once, with the node, and not in the callback of a timer.',
-        'Other faults', needs=('nodes',), meaning='A node creates publishers on /tf or '
-        '/tf_static again and again: what a new publisher sends can be lost, and each of them '
-        'costs all listeners memory and time.')
+@_check('many_publishers', 'Create the broadcaster once, with the node, and not in the callback '
+        'of a timer.', 'Other faults', needs=('nodes',))
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
+    """Find nodes that create publishers again and again: what they send first can be lost."""
     groups = {key: [track for track in observation.tracks if track.publisher in found]
               for key, publishers in observation.recreated.items() for found in [{*publishers}]}
     # A broadcaster that is created in a callback sends little.
     usual = {key: np.median([track['count'] for track in tracks]) if tracks else 0.0
              for key, tracks in groups.items()}
-    again = {node for (node, _), count in usual.items() if count >= _FEWEST}
+    again = {node for (node, _), count in usual.items() if count >= FEWEST}
     for (node, topic), tracks in groups.items():
         count, frames = len(observation.recreated[node, topic]), [*map(_child_of, tracks)]
         where = ', from one node' if node.startswith('/') else ''
@@ -293,9 +259,9 @@ def _many_publishers(observation: Observation) -> Iterator[_Fault]:
             explains={'no_transforms': None, **({'gap': frames} if how else {})})
 
 
-@_check(*_same('changing_parent'),
-        meaning='The parent of a frame changes, so the tree has another shape at each change.')
+@_check(*_same('changing_parent'))
 def _changing_parent(observation: Observation) -> Iterator[_Fault]:
+    """Find frames whose parent changes, and with it the shape of the tree."""
     for child, tracks in observation.by_child.items():
         parents = {parent: track for track in tracks for parent in track.parents}
         if len(parents) > 1:
@@ -333,8 +299,7 @@ def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
 
 def _take_turns(observation: Observation, a: Track, b: Track) -> bool:
     """Return whether one publisher is silent while the other one sends several transforms."""
-    arrivals = [observation.statistics.arrivals(observation.statistics.together([track]))[0]
-                for track in (a, b)]
+    arrivals = [track.stream.arrivals for track in (a, b)]
     if min(map(len, arrivals)) <= _FEW_SWITCHES:
         return not _exist_together(observation, a, b)
     first, second = sorted(arrivals, key=itemgetter(0))
@@ -344,9 +309,9 @@ def _take_turns(observation: Observation, a: Track, b: Track) -> bool:
 
 
 @_check('static_and_dynamic', 'Let only one of the two topics have {frame}.',
-        'A frame jumps or flickers', meaning='A frame is published on /tf and on /tf_static; '
-        'listeners use sometimes one of the two transforms, and sometimes the other.')
+        'A frame jumps or flickers')
 def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
+    """Find frames on both /tf and /tf_static; listeners use now one, now the other."""
     for child, tracks in observation.by_child.items():
         groups = [[track for track in tracks if track.is_static == is_static]
                   for is_static in (False, True)]
@@ -357,11 +322,10 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
                          values={'frame': quoted(child) + _by_one(observation, tracks)})
 
 
-@_check('loop',
-        'Remove one of the transforms: the frame at the top, such as map, must have no parent.',
-        'Other faults', meaning='Frames are parents of each other in a circle, so a lookup '
-        'through them fails, or its result depends on where it begins.')
+@_check('loop', 'Remove one of the transforms: the frame at the top, such as map, must have no '
+        'parent.', 'Other faults')
 def _loop(observation: Observation) -> Iterator[_Fault]:
+    """Find frames that are parents of each other in a circle; lookups through them fail."""
     forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
                     for child, parent in observation.parents.items())
     for loop in forest.loops:
@@ -373,10 +337,9 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
-        'that sends the messages.', 'A frame does not exist', needs=('headers',),
-        meaning='The headers of other messages name a frame that no transform leads to, so these '
-        'messages cannot be transformed.')
+        'that sends the messages.', 'A frame does not exist', needs=('headers',))
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
+    """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
     static = '' if any(track.is_static for track in observation.tracks) else (
         f' (there are no transforms on {observation.topics[1]})')
@@ -401,10 +364,9 @@ def _is_no_place(observation: Observation, frame: str) -> bool:
 
 @_check('joint_without_state', 'Send its position on the topic joint_states, with the time, and '
         'under the name that the description gives it; joint_state_publisher does this.',
-        'A frame does not exist', meaning='A movable joint of a robot description is in no joint '
-        'states that robot_state_publisher uses, so it sends no transform for it, and all links '
-        'below it are cut off.')
+        'A frame does not exist')
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
+    """Find movable joints without joint states; the links below them are cut off."""
     is_found = False
     for robot, start in observation.own_robots:
         topic = joint_states_of(robot.topic)
@@ -440,9 +402,9 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('disconnected', 'Publish a transform between the trees.', 'Two unconnected trees',
-        needs=('headers',), meaning='The headers of other messages name frames of different '
-        'trees, so these messages cannot be transformed into one frame.')
+        needs=('headers',))
 def _disconnected(observation: Observation) -> Iterator[_Fault]:
+    """Find headers of messages with frames of different trees."""
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own, and those whose
     # frames differ by numbers only.
@@ -471,36 +433,34 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
                 remedy=observation.missing_part)
 
 
-@_check('volatile_listener',
-        'Use a TransformListener, or give the subscription the durability TRANSIENT_LOCAL.',
-        'The QoS of /tf_static', severity=WARNING, needs=('listeners',),
-        meaning='A subscription to /tf_static is not transient local: if it is created after a '
-        'static transform was sent, it does not receive it.')
+@_check('volatile_listener', 'Use a TransformListener, or give the subscription the durability '
+        'TRANSIENT_LOCAL.', 'The QoS of /tf_static', severity=WARNING, needs=('listeners',))
 def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
+    """Find listeners of /tf_static that miss what was sent before their start."""
     for node in observation.volatile_listeners:
         yield _Fault(f'1 subscription of {node or "a node"} to {observation.topics[1]} has the '
                      'durability VOLATILE', topics=observation.topics[1:], nodes=[node])
 
 
-@_check(*_same('incompatible_qos'), needs=('listeners',),
-        meaning='A listener receives nothing from a publisher, because their QoS do not match.')
+@_check(*_same('incompatible_qos'), needs=('listeners',))
 def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
+    """Find publishers and listeners whose QoS do not match, so that nothing arrives."""
     yield from _found_by('incompatible_qos', observation)
     for publisher, listener in observation.mismatches:
         yield _Fault(f'1 publisher of {publisher.node} on {publisher.topic} does not match '
                      f'{listener}', topics=[publisher.topic], nodes=[publisher.node])
 
 
-@_check(*_same('not_a_number'),
-        meaning='A transform contains NaN or an infinite number; listeners refuse it.')
+@_check(*_same('not_a_number'))
 def _not_a_number(observation: Observation) -> Iterator[_Fault]:
+    """Find transforms with NaN or an infinite number, which listeners refuse."""
     yield from _counted(observation, 'invalid', 'with NaN or an infinite number')
 
 
 @_check('unnormalized', 'Normalise the quaternion before it is sent; all zeros often mean that '
-        'it was never set: set w = 1.', 'Other faults', meaning='The norm of a quaternion '
-        f'differs from 1 by more than {NORM_TOLERANCE:g}, so it is not a rotation.')
+        'it was never set: set w = 1.', 'Other faults')
 def _unnormalized(observation: Observation) -> Iterator[_Fault]:
+    """Find quaternions whose norm is not 1 (within 0.001), so that they are no rotations."""
     for tracks in observation.by_publisher(itemgetter('unnormalized')):
         worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
         yield _Fault(f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
@@ -518,74 +478,72 @@ def _share(tracks: Sequence[Track], field: str) -> str:
             f'{_names(map(_child_of, tracks))}')
 
 
-@_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock',
-        meaning=f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival, '
-        f'or more than {CACHE // SECOND} s ahead or a known offset behind while others are in '
-        'time: they are from another clock, so lookups at the present time fail.')
+@_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
+    """Find stamps of another clock: far from the arrival, or off while others are in time."""
     # If one such stamp makes others old, `time_goes_back` says it.
-    told = {observation.refused[track].by for track in observation.refused
+    told = {refused.by for track, refused in observation.refused.items()
             if _is_refused_for_another(observation, track)}
     told.update(track for track, refused in observation.refused.items()
                 if refused.number > track['foreign'])
-    jumps = {track: delays for track in observation.tracks
-             if (delays := _clock_step(observation, track))}
-    for tracks in observation.by_publisher(jumps.__contains__):
+    stepped = {track for track in observation.tracks if track.stream.clock_step}
+    for tracks in observation.by_publisher(stepped.__contains__):
         children = [*map(_child_of, tracks)]
-        worst = max(tracks, key=attrgetter('largest_step'))
-        before, after = map(_compared, jumps[worst])
+        worst = max(tracks, key=itemgetter('largest_step'))
+        before, after = map(_compared, worst.stream.clock_step or ())
         yield _Fault(
             _step_text(tracks) + ('' if 'arrivals' in observation.not_known else
                                   f'; before it, they are {before}, and after it {after}'),
             tracks, severity=WARNING if after == _IN_TIME else '', explains={
                 **dict.fromkeys(('late', 'future', 'gap'), children),
                 **_of_messages(observation, tracks)},
-            time=worst.largest_step[1])
-    told |= jumps.keys()
+            time=worst.stream.largest_step[1])
+    told |= stepped
     if observation.clock:
         yield from _other_clock_than(observation, observation.clock, told)
         return
     for tracks in observation.by_publisher(lambda track: track not in told and (
-            track['foreign'] > _stalled(observation, track))):
+            track['foreign'] > track['stalled'])):
         worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
-        is_before = worst['greatest_delay'] > -worst['least_delay']
-        delay = worst['greatest_delay' if is_before else 'least_delay']
+        offset = -max(worst['greatest_delay'], worst['least_delay'], key=abs)
         yield _Fault(
-            f'{_share(tracks, "foreign")} with stamps that are far from their arrival, up to '
-            f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
-            f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
-            f'{_known_offset(observation, delay, worst["stamp"])}', tracks,
+            f'{_share(tracks, "foreign")} with stamps up to {apart(offset, worst["stamp"])} the '
+            f'arrival; the last stamp of {shortened(worst.child)} is '
+            f'{exact_time(worst["stamp"])}', tracks,
             remedy=_clock_remedy(observation, worst['stamp'], tracks),
             explains=_of_messages(observation, tracks) if 2 * total(tracks, 'foreign') > total(
                 tracks, 'delays') else {})
+    if 'arrivals' not in observation.not_known and (others := _in_time(observation)):
+        for tracks in observation.by_publisher(
+                lambda track: track not in stepped and _off_by(track)):
+            children = [*map(_child_of, tracks)]
+            offset = apart(_off_by(tracks[0]), tracks[0]['stamp'])
+            yield _Fault(
+                f'the stamps of {_names(children)} are {offset} the arrival; {others} are in '
+                'time', tracks,
+                remedy=_synchronise(observation, tracks), explains={
+                    **dict.fromkeys(('late', 'future'), children),
+                    **_of_messages(observation, tracks)})
+
+
+def _off_by(track: Track) -> int:
+    """Return the offset of the stamps (ns), if it is known, or longer than a cache; else 0."""
+    stream = track.stream
+    if not stream.foreign and stream.mean_delay < -CACHE:
+        return round(-stream.mean_delay)
+    offset = stream.offset or 0
+    return offset if -OTHER_CLOCK <= offset < -LATE and known_offset(offset) else 0
 
 
 def _of_messages(observation: Observation, tracks: Iterable[Track]) -> dict[str, set[str]]:
     """Return what follows for messages in time if transforms are from another clock."""
-    return dict.fromkeys(_OF_MESSAGES[1:], _below(observation, [*map(_child_of, tracks)]))
-
-
-def _clock_step(observation: Observation, track: Track) -> Optional[tuple[float, float]]:
-    """
-    Return the delays (ns) before and after a step of the clock that stamps; None: there is none.
-
-    Stamps step forward, while transforms arrive as before, and the delays are constant otherwise.
-    """
-    if not _has_long_step(track) or not (step := observation.step(track)):
-        return None
-    parts = step.delays[:step.before + 1], step.delays[step.before + 1:]
-    if min(map(len, parts)) < _FEWEST or _is_hole(observation, track):
-        return None
-    (low, before, high), (least, after, most) = (
-        np.quantile(part, (0.1, 0.5, 0.9)).tolist() for part in parts)
-    return (before, after) if max(high - low, most - least) < LATE < before - after else None
+    return dict.fromkeys(_OF_MESSAGES[1:], _below(observation, map(_child_of, tracks)))
 
 
 def _step_text(tracks: Sequence[Track]) -> str:
-    worst = max(tracks, key=attrgetter('largest_step'))
-    return (f'the stamps of {_names(map(_child_of, tracks))} step forward by '
-            f'{in_words(worst.largest_step[0])} after {exact_time(worst.largest_step[1])}, '
-            'while transforms arrive as before')
+    length, before = max(track.stream.largest_step for track in tracks)
+    return (f'the stamps of {_names(map(_child_of, tracks))} step forward by {in_words(length)} '
+            f'after {exact_time(before)}, while transforms arrive as before')
 
 
 _IN_TIME = 'in time'
@@ -593,50 +551,18 @@ _IN_TIME = 'in time'
 
 def _compared(delay: float) -> str:
     return _IN_TIME if -FUTURE <= delay <= LATE else (
-        f'{in_words(delay)} {"behind" if delay > 0 else "ahead"}{_known(round(-delay))}')
+        f'{in_words(delay)} {"behind" if delay > 0 else "ahead"}{_known(-delay)}')
 
 
-def _is_hole(observation: Observation, track: Track) -> bool:
-    """Return whether nothing has arrived during the largest step of the stamps."""
-    step = observation.step(track)
-    if step is None:
-        return True
-    pauses = np.diff(step.arrivals)
-    return bool(pauses[step.before] > _GAP * np.median(pauses))
-
-
-def _stalled(observation: Observation, track: Track) -> int:
-    """Return how many transforms have a stamp that stands; see `frozen_stamp`."""
-    return observation.stalls[track].total if track in observation.stalls else 0
-
-
-def _known_offset(observation: Observation, delay: float, stamp: int) -> str:
-    """Say what a delay of stamps (ns) is, if it is known as an offset of clocks."""
-    if 0 < stamp < SINCE_START and not _fits_clock(observation, stamp):
-        return '; stamps near 0 count from the start of a device or a simulation'
-    return _known(round(-delay)) if isfinite(delay) else ''
-
-
-def _known(offset: int) -> str:
-    name = known_offset(offset)
+def _known(offset: float) -> str:
+    name = known_offset(round(offset))
     return f' ({name})' if name else ''
-
-
-def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int]:
-    """Return by how much the computer of a publisher is ahead (ns); None: not known."""
-    return next((observation.ahead[track.publisher] for track in tracks
-                 if track.publisher in observation.ahead), None)
-
-
-def _fits_clock(observation: Observation, stamp: int) -> bool:
-    """Return whether /clock is published, and a stamp fits it or the system clock."""
-    return any(abs(stamp - time) <= OTHER_CLOCK for sender in observation.clocks
-               for time in (sender.stamp, sender.last))
 
 
 def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] = ()) -> str:
     """Return what to do about stamps of another clock; '': that of the check."""
-    if _fits_clock(observation, stamp):
+    if any(abs(stamp - time) <= OTHER_CLOCK for sender in observation.clocks
+           for time in (sender.stamp, sender.last)):
         return ('Let all nodes, and this command, use one clock: set use_sim_time in all of them, '
                 'or in none.')
     return _play(observation, tracks) or _synchronise(observation, tracks)
@@ -645,6 +571,12 @@ def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] 
 def _play(observation: Observation, tracks: Iterable[Track]) -> str:
     """Return what to do if a bag is played; '': it is not."""
     return PLAY if any(PLAYER in observation.node_of(track) for track in tracks) else ''
+
+
+def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int]:
+    """Return by how much the computer of a publisher is ahead (ns); None: not known."""
+    return next((observation.ahead[track.publisher] for track in tracks
+                 if track.publisher in observation.ahead), None)
 
 
 def _synchronise(observation: Observation, tracks: Iterable[Track]) -> str:
@@ -660,129 +592,102 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
                       ) -> Iterator[_Fault]:
     # The delays are not compared, because a simulation can be slow, or pause.
     for track in observation.tracks:
-        before = int(clock['oldest'] - track['latest'])
-        after = int(track['oldest'] - clock['latest'])
-        if (track['delays'] and max(before, after) > OTHER_CLOCK and track not in told
-                and not track.is_frozen):
+        before, after = clock['oldest'] - track['latest'], track['oldest'] - clock['latest']
+        if track['delays'] and max(before, after) > OTHER_CLOCK and not (
+                track in told or track.stream.is_frozen):
             yield _Fault(f'all stamps of {shortened(track.child)} are at least '
                          f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
                          f'those of {shortened(clock.child)}', [track])
 
 
-@_check(*_same('nanosec'), meaning='The field nanosec of stamps is not the '
-        f'nanoseconds within the second, which are below {SECOND}, so the stamps jump.')
+@_check(*_same('nanosec'))
 def _nanosec(observation: Observation) -> Iterator[_Fault]:
-    statistics = observation.statistics
-    for (publisher, is_static), (largest, children) in statistics.too_many_ns.items():
-        yield _of_nanosec(
-            observation, f'nanosec is up to {largest} in stamps of {_names(sorted(children))}',
-            sorted(children), observation.topics[is_static],
-            [observation.nodes.get(publisher, '')])
-    for track in observation.tracks:
-        if track['greatest_delay'] - track['least_delay'] > _SPREAD and (
-                text := _first_part(*statistics.arrivals(statistics.together([track])))):
-            yield _of_nanosec(observation, f'{text} in stamps of {shortened(track.child)}',
-                              [track.child], observation.topics[0], [observation.node_of(track)])
+    """Find stamps whose nanosec is not the nanoseconds within the second."""
+    found: list[tuple[str, Sequence[str], str, Sequence[str]]] = [
+        (f'nanosec is up to {largest}', sorted(children), observation.topics[is_static],
+         [observation.nodes.get(publisher, '')]) for (publisher, is_static), (largest, children)
+        in observation.statistics.too_many_ns.items()]
+    found += [(track.stream.odd_nanoseconds, [track.child], observation.topics[0],
+               [observation.node_of(track)]) for track in observation.tracks]
     for topic in observation.message_times:
         largest = observation.headers[topic.topic].nanosec
-        text = (f'nanosec is up to {largest}' if largest >= SECOND else
-                _first_part(topic.arrivals, topic.stamps))
+        found.append((f'nanosec is up to {largest}' if largest >= SECOND else
+                      observation.topic_streams[topic.topic].odd_nanoseconds, topic.frames,
+                      topic.topic, observation.senders.get(topic.topic, ())))
+    for text, frames, name, nodes in found:
+        is_tf = name in observation.topics
         if text:
-            yield _of_nanosec(observation, f'{text} in stamps on {shortened(topic.topic)}',
-                              topic.frames, topic.topic,
-                              observation.senders.get(topic.topic, ()))
+            yield _Fault(
+                f'{text} in stamps of {_names(frames)}', (), frames, [name], nodes, explains={
+                    **{code: frames for code in (*_OF_STAMPS, 'two_publishers') if is_tf},
+                    **dict.fromkeys(_OF_MESSAGES, _below(observation, frames) if is_tf else
+                                    frames)})
 
 
-def _of_nanosec(observation: Observation, text: str, frames: Sequence[str], topic: str,
-                nodes: Sequence[str]) -> _Fault:
-    is_tf = topic in observation.topics
-    return _Fault(text, (), frames, [topic], nodes, explains={
-        **dict.fromkeys((*_OF_STAMPS, 'two_publishers')
-                        if is_tf else (), frames),
-        **dict.fromkeys(_OF_MESSAGES, _below(observation, frames) if is_tf else frames)})
-
-
-def _first_part(arrivals: NDArray[np.int64], stamps: NDArray[np.int64]) -> str:
-    """Return what is odd with the nanoseconds of stamps, if they are another unit; else ''."""
-    arrivals, stamps = arrivals[stamps != 0], stamps[stamps != 0]
-    if len(stamps) < _FEWEST:
-        return ''
-    span, delays, largest = np.ptp(stamps), arrivals - stamps, int((stamps % SECOND).max())
-    if largest > _FIRST_PART or np.ptp(delays) < _SPREAD or span < 2 * SECOND or (
-            len(stamps) * SECOND < _LEAST_RATE * span):
-        return ''
-    if not largest:
-        return 'nanosec is always 0 (whole seconds)'
-    unit = ('milliseconds' if largest < 1000 else 'microseconds' if largest < 1_000_000 else '')
-    return f'nanosec is never above {largest}{f", as {unit} are," if unit else ""}'
-
-
-def _below(observation: Observation, frames: Collection[str]) -> set[str]:
+def _below(observation: Observation, frames: Iterable[str]) -> set[str]:
     """Return frames, and those below them."""
-    return {*frames, *(frame for frame in observation.parents
-                       if not {*frames}.isdisjoint(observation.ancestors(frame)))}
+    found = {*frames}
+    return found | {frame for frame in observation.parents
+                    if not found.isdisjoint(observation.ancestors(frame))}
 
 
-@_check(*_same('frozen_stamp'), meaning='The stamp of a frame does not advance, so lookups '
-        'through it fail at any other time, and the latest time of all frames is this stamp.')
+@_check(*_same('frozen_stamp'))
 def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
-    stalls = observation.stalls
-    for tracks in observation.by_publisher(stalls.__contains__):
-        stamps = sorted({stalls[track].stamp for track in tracks})
+    """Find stamps that do not advance; lookups at any other time fail."""
+    for tracks in observation.by_publisher(itemgetter('stall')):
+        stalls = [each for track in tracks if (each := track.stream.stall)]
+        stamps = sorted({each.stamp for each in stalls})
         children = [track.child for track in tracks]
-        is_all, count, span = (all(track.is_frozen for track in tracks), sum(
-            stalls[track].number for track in tracks), max(stalls[track].span for track in tracks))
+        is_all = all(track.stream.is_frozen for track in tracks)
+        duration = '' if is_all else f', for {in_words(max(each.span for each in stalls))}'
         yield _Fault(
-            f'{"all " * is_all}{count} transforms of {_names(children)} have the stamp'
-            f'{"s" * (len(stamps) > 1)} {comma_list([*map(exact_time, stamps)], SHOWN)}'
-            f'{"" if is_all else f", for {in_words(span)}"}', tracks,
-            severity='' if any(stalls[track].is_last for track in tracks) else WARNING, explains={
+            f'{"all " * is_all}{sum(each.number for each in stalls)} transforms of '
+            f'{_names(children)} have the stamp{"s" * (len(stamps) > 1)} '
+            f'{comma_list([*map(exact_time, stamps)], SHOWN)}{duration}', tracks,
+            severity='' if any(each.is_last for each in stalls) else WARNING, explains={
                 **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back')[:2 + is_all], children),
                 **dict.fromkeys(_OF_MESSAGES if is_all else _OF_MESSAGES[2:],
                                 _below(observation, children))})
 
 
 @_check('zero_stamp', 'Set the stamp to the time for which the transform is valid; with '
-        'use_sim_time, wait until /clock is received.', 'use_sim_time and the wall clock',
-        meaning='Transforms on /tf have the stamp 0, so lookups at any other time fail.')
+        'use_sim_time, wait until /clock is received.', 'use_sim_time and the wall clock')
 def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    """Find transforms on /tf with the stamp 0; lookups at any other time fail."""
     # Each run of a simulation may begin with a single stamp 0.
     yield from _counted(observation, 'zero_stamps', 'with the stamp 0', lambda track: (
         track['zero_stamps'] > 1 + track['backwards'] or not 0 < track['oldest'] < OTHER_CLOCK))
 
 
 @_check('message_other_clock', 'Look at the clock that stamps the messages.',
-        'use_sim_time and the wall clock', needs=('headers',),
-        meaning=f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those '
-        'of all transforms, so the messages cannot be transformed.')
+        'use_sim_time and the wall clock', needs=('headers',))
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
-    newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
-                 default=0)
+    """Find messages whose stamps are of another clock than those of the transforms."""
+    newest = max((track['latest'] for track in observation.tracks), default=0)
     for topic, found in _found(observation, Verdict.OTHER_CLOCK):
         stamp = int(topic.stamps[found][-1])
         yield _of_topic(
             observation, topic, found, 'have stamps of another clock; the last is '
-            f'{exact_time(stamp)}, {in_words(stamp - newest)} '
-            f'{"before" if stamp < newest else "after"} the newest transform'
-            f'{_known_offset(observation, int(topic.arrivals[found][-1]) - stamp, stamp)}',
+            f'{exact_time(stamp)}, {apart(stamp - newest, stamp)} the newest transform',
             _clock_remedy(observation, stamp))
     for topic, offset, in_time in observation.off_clock.values():
         senders = observation.senders.get(topic.topic, ())
-        if offset > CACHE and any(
-                observation.node_of(track) in senders and abs(track.mean_delay + offset) < SECOND
+        # See other_clock.
+        if offset <= CACHE or not any(
+                observation.node_of(track) in senders
+                and abs((track.stream.offset or 0) - offset) < SECOND
                 for track in observation.tracks):
-            continue  # see other_clock
-        yield _of_topic(
-            observation, topic, topic.stamps != 0, 'have stamps of another clock: the clock of '
-            f'{_names(senders or [topic.topic])} is {apart(offset, int(topic.stamps[-1]))} that '
-            f'of {shortened(in_time.child)} on {observation.topics[0]}, which is in time')
+            yield _of_topic(
+                observation, topic, topic.stamps != 0, 'have stamps of another clock: the clock '
+                f'of {_names(senders or [topic.topic])} is '
+                f'{apart(offset, int(topic.stamps[-1]))} that of {shortened(in_time.child)} on '
+                f'{observation.topics[0]}, which is in time')
 
 
 @_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
-        'Messages are earlier than all data in the cache', needs=('headers',),
-        meaning=f'When messages arrive, a listener that keeps transforms for {CACHE // SECOND} s '
-        'has dropped those of their stamps.')
+        'Messages are earlier than all data in the cache', needs=('headers',))
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
+    """Find messages that arrive when a cache of 10 s has dropped their transforms."""
     for topic, found in _found(observation, Verdict.TOO_OLD):
         cache = int(topic.waits[found].max())
         if cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks):
@@ -800,9 +705,9 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
 
 @_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its '
         'clock slow, or does it send so rarely that --time must be longer?',
-        'The queue of a message filter is full', needs=('headers',),
-        meaning='The transforms never reach the stamps of messages, so these wait in vain.')
+        'The queue of a message filter is full', needs=('headers',))
 def _message_never(observation: Observation) -> Iterator[_Fault]:
+    """Find messages that wait in vain: the transforms never reach their stamps."""
     for edge, topics in _by_edge(observation, Verdict.NEVER):
         last = int(topics[0][0].stamps.max())
         reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
@@ -897,18 +802,15 @@ def _frames_of(topic: MessageTimes, found: NDArray[np.bool_]) -> list[str]:
 
 
 def _edge_text(observation: Observation, edge: Edge) -> str:
-    tracks = observation.dynamic_tracks(edge.child)
-    node = observation.node_of(max(tracks, key=itemgetter('last_time')))
+    node = observation.node_of(observation.newest[edge.child])
     return (f'{shortened(observation.parents[edge.child])} -> {shortened(edge.child)}'
             f'{f" of {node}" if node else ""}')
 
 
-@_check('half_namespace',
-        'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.',
-        RULES['half_namespace'].section, meaning='Transforms on other topics continue the tree: '
-        'some nodes of a robot use /tf and /tf_static, and others those of a namespace, so no '
-        'listener receives the whole tree.')
+@_check('half_namespace', 'Remap both /tf and /tf_static in all nodes of the robot, or in none '
+        'of them.', RULES['half_namespace'].section)
 def _half_namespace(observation: Observation) -> Iterator[_Fault]:
+    """Find transforms in another namespace that continue the tree."""
     there = {name for each in observation.other_transforms
              for names in each.parents.items() for name in names}
     for fault in _found_by('half_namespace', observation):
@@ -918,10 +820,9 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.',
-        'Two nodes on /joint_states or /clock', meaning='Two nodes send the position of the same '
-        'joint, so robot_state_publisher mixes them: the frame jumps, or one of the two is '
-        'ignored.')
+        'Two nodes on /joint_states or /clock')
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
+    """Find nodes that send the position of the same joint, which jumps."""
     for topic, all_senders in observation.joint_senders.items():
         if not observation.is_own(topic):
             continue
@@ -962,11 +863,10 @@ def _counts(senders: Sequence[Sender]) -> str:
     return ' and '.join(str(sender.count) for sender in senders)
 
 
-@_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or play '
-        'the bag without --clock.', 'Two nodes on /joint_states or /clock',
-        meaning='Two nodes publish /clock, so the time jumps back and forth, and buffers of '
-        'nodes that use it are cleared again and again.')
+@_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or '
+        'play the bag without --clock.', 'Two nodes on /joint_states or /clock')
 def _two_clocks(observation: Observation) -> Iterator[_Fault]:
+    """Find two nodes that publish /clock, so that the time jumps back and forth."""
     if senders := rivals(observation.clocks):
         times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
         # No stamp can be compared with the time.
@@ -978,10 +878,10 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
                                     'gap', 'one_shot', 'slow_clock'], None))
 
 
-@_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look at '
-        'the node that publishes /clock.', 'use_sim_time and the wall clock', severity=WARNING,
-        meaning='The time on /clock does not advance, so nodes that use it send no new stamps.')
+@_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look '
+        'at the node that publishes /clock.', 'use_sim_time and the wall clock', severity=WARNING)
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
+    """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
         nodes, stamps = observation.clock_nodes, [each.stamp for each in observation.clocks]
         what = (f'the time on /clock of {_names(nodes)} has stood at {exact_time(stamps[-1])} s'
@@ -993,10 +893,9 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
                 ['zero_stamp'] if stamps[-1:] == [0] else [])], None))
 
 
-@_check(*_same('use_sim_time_differs'), severity=WARNING, meaning='While /clock is published, '
-        'the parameter use_sim_time is true in some nodes and false in others, so their stamps '
-        'and lookups are on different clocks.')
+@_check(*_same('use_sim_time_differs'), severity=WARNING)
 def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
+    """Find nodes on different clocks: use_sim_time is true in some only."""
     answers = observation.use_sim_time
     using = [node for node, uses in answers.items() if uses]
     others = [node for node, uses in answers.items()
@@ -1028,8 +927,8 @@ def _needs_time(observation: Observation, node: str) -> bool:
 
 def _is_foreign(observation: Observation, node: str) -> bool:
     """Return whether a node sends stamps that are far from the time on /clock."""
-    stamps = [int(track['stamp']) for track in observation.tracks
-              if observation.node_of(track) == node and not (track.is_static or track.is_frozen)]
+    stamps = [track['stamp'] for track in observation.tracks if not (
+        observation.node_of(track) != node or track.is_static or track.stream.is_frozen)]
     stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
                if headers.stamps and node in observation.senders.get(topic, ())]
     now = observation.clocks[0].stamp
@@ -1041,49 +940,41 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 
 @_check('gap', 'Look at the node that publishes the frame: has it stopped, is it busy, does it '
         'lose input, or does it publish only when something happens?',
-        'Extrapolation into the future', severity=WARNING,
-        meaning=f'The time from one stamp to the next one is often longer than {_GAP} periods, or '
-        f'once much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published '
-        'any more; lookups in between interpolate over the gap or wait.')
+        'Extrapolation into the future', severity=WARNING)
 def _gap(observation: Observation) -> Iterator[_Fault]:
+    """Find gaps between stamps (more than 3 periods), and frames that have ended."""
     paused: list[Track] = []
-    for tracks in observation.by_publisher(partial(_has_gap, observation)):
-        worst = max(tracks, key=attrgetter('largest_step'))
+    for tracks in observation.by_publisher(_has_gap):
+        worst = max(tracks, key=itemgetter('largest_step'))
         if _is_pause(observation, worst):
             paused += tracks
             continue
-        beyond = np.count_nonzero(worst.steps > _GAP * max(worst.period, _SHORTEST_PERIOD))
-        before = worst.largest_step[1]
-        hole = (f'no transform of {shortened(worst.child)} for {in_words(worst.largest_step[0])} '
-                f'after {exact_time(before)}' if _is_hole(observation, worst) else
-                _step_text([worst]))
+        stream, (length, before) = worst.stream, worst.stream.largest_step
+        hole = (f'no transform of {shortened(worst.child)} for {in_words(length)} after '
+                f'{exact_time(before)}' if stream.is_hole else _step_text([worst]))
         yield _Fault(
-            f'{hole}; the usual period is {worst.period / SECOND:.2g} s; '
-            f'{beyond} of {len(worst.steps)} steps from stamp to stamp are longer than {_GAP} '
-            'periods', tracks, time=before)
+            f'{hole}; the usual period is {stream.period / SECOND:.2g} s; {stream.gaps} of '
+            f'{len(stream.steps)} steps from stamp to stamp are longer than {GAP} periods', tracks,
+            time=before)
     if paused:
-        worst = max(paused, key=attrgetter('largest_step'))
-        before = worst.largest_step[1]
+        length, before = max(track.stream.largest_step for track in paused)
         yield _Fault(
-            f'nothing has arrived on any topic for {in_words(worst.largest_step[0])} after '
+            f'nothing has arrived on any topic for {in_words(length)} after '
             f'{exact_time(before)}', paused, severity=INFO, time=before,
             remedy='If the recording was not paused, look at the computer that has recorded.'
             if observation.has_record_times else 'Look at this computer.')
-    end = max((track['last_time'] for track in observation.tracks if not track.is_static),
-              default=0)
-    end = max(end, observation.end)
-    ended = {track for tracks in observation.by_child.values()
-             if len((track := max(tracks, key=itemgetter('last_time'))).steps) >= _FEWEST
-             and track['last_time']
-             and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
+    ended = {track for track in observation.newest.values()
+             if len(track.stream.steps) >= FEWEST and track['last_time'] and (
+                 observation.until - track['last_time'] > max(
+                     GAP * track.stream.period, SHORTEST_GAP))}
     for tracks in observation.by_publisher(ended.__contains__):
-        silence = max(end - track['last_time'] for track in tracks)
+        silence = observation.until - min(track['last_time'] for track in tracks)
         node = _ended_node(observation, tracks[0])
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
                      f'last {in_words(silence)}, and {_hertz(tracks[0])} before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
                      remedy=_start_again(observation, tracks),
-                     time=min(int(track['latest']) for track in tracks))
+                     time=min(track['latest'] for track in tracks))
 
 
 def _ended_node(observation: Observation, track: Track) -> str:
@@ -1102,38 +993,26 @@ def _start_again(observation: Observation, tracks: Iterable[Track]) -> str:
     return RULES['gap'].remedy.format(node=node) if node else ''
 
 
-def _has_gap(observation: Observation, track: Track) -> bool:
-    return len(track.steps) >= _FEWEST and (_has_many_gaps(track) or (
-        _has_long_step(track) and not _clock_step(observation, track)
-        and (track not in observation.stalls or _is_hole(observation, track))))
-
-
-def _has_long_step(track: Track) -> bool:
-    return bool(track.largest_step[0] > max(_GAP * track.period, _SHORTEST_GAP))
-
-
-def _has_many_gaps(track: Track) -> bool:
-    return bool(np.count_nonzero(track.steps > _GAP * max(track.period, _SHORTEST_PERIOD))
-                >= max(_FEWEST_GAPS, _JITTER * len(track.steps)))
+def _has_gap(track: Track) -> bool:
+    stream = track.stream
+    return len(stream.steps) >= FEWEST and (stream.has_many_gaps or bool(
+        stream.has_long_step and not stream.clock_step and (not stream.stall or stream.is_hole)))
 
 
 def _is_pause(observation: Observation, track: Track) -> bool:
     """Return whether nothing else has arrived during the largest step of a track, either."""
-    step = observation.step(track)
-    if not step or _has_many_gaps(track):
+    if track.stream.has_many_gaps:
         return False
-    before, after = step.arrivals[step.before:step.before + 2].tolist()
-    slack = max(_SHORTEST_GAP, track.period)
+    before, after = track.stream.arrivals_at_step
+    slack = max(SHORTEST_GAP, track.stream.period)
     return any(begin - before <= slack and after - end <= slack
                for begin, end in observation.pauses)
 
 
-@_check('message_early',
-        'Wait for the transforms, or make the publisher send them sooner, or more often.',
-        'Extrapolation into the future', severity=WARNING, needs=('headers',),
-        meaning=f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their '
-        'stamps, so lookups without a timeout fail.')
+@_check('message_early', 'Wait for the transforms, or make the publisher send them sooner, or '
+        'more often.', 'Extrapolation into the future', severity=WARNING, needs=('headers',))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
+    """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         topics.sort(key=lambda each: -each[0].quantiles()[2])
         topic, _ = topics[0]
@@ -1141,7 +1020,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
         yield _of_edge(
             observation, edge, topics, 'can be transformed only after waiting for the edge '
             f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
-            f'{largest:.3g} s (largest){_known(round(largest * SECOND))}',
+            f'{largest:.3g} s (largest){_known(largest * SECOND)}',
             None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
@@ -1152,16 +1031,17 @@ def _instead_of_waiting(observation: Observation, edge: Edge,
                         topics: Iterable[tuple[MessageTimes, NDArray[np.bool_]]]) -> str:
     if _lead(observation, topics):
         return 'correct the clock that stamps the messages'
+    streams = [track.stream for track in observation.dynamic_tracks(edge.child)]
     is_slow = 'arrivals' not in observation.not_known and any(
-        track.mean_delay < track.period for track in observation.dynamic_tracks(edge.child))
+        stream.mean_delay < stream.period for stream in streams)
     return f'make the publisher send the transforms {"more often" if is_slow else "sooner"}'
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
         'wait until /clock is received.', 'use_sim_time and the wall clock', severity=WARNING,
-        needs=('headers',),
-        meaning='Messages have the stamp 0, so every lookup takes the latest transform.')
+        needs=('headers',))
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    """Find messages with the stamp 0; lookups for them take the latest transform."""
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
         fault = _of_topic(observation, topic, found, 'have the stamp 0')
         yield fault if topic.edges else fault._replace(
@@ -1170,21 +1050,18 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('jump', 'If two nodes publish the frame, stop one of them; otherwise, look at the node '
-        'that computes its pose.', 'A frame jumps or flickers', severity=WARNING,
-        meaning=f'A frame moves from one pose to the next {_JUMP} times as fast as it does '
-        'otherwise; two publishers or a wrong measurement can be the cause.')
+        'that computes its pose.', 'A frame jumps or flickers', severity=WARNING)
 def _jump(observation: Observation) -> Iterator[_Fault]:
+    """Find frames that move ten times as fast from one pose to the next as they do otherwise."""
     for track in observation.tracks:
-        limit = _JUMP * track['usual_speed']
-        if len(track.steps) < _FEWEST or track['jump'] < SMALLEST_JUMP or (
-                track['largest_speed'] <= limit):
-            continue
-        yield _Fault(
-            f'{track.jumps_beyond(limit)} of {track["count"]} transforms of '
-            f'{shortened(track.child)} jump; at {exact_time(int(track["jump_at"]))}, by '
-            f'{track["jump"]:.3g} (m plus rad), {track["largest_speed"]:.3g} per second; '
-            f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
-            severity=INFO if _is_localisation(track) else '', time=int(track['jump_at']))
+        if len(track.stream.steps) >= FEWEST and track['jump'] >= SMALLEST_JUMP and (
+                track['largest_speed'] > JUMP * track['usual_speed']):
+            yield _Fault(
+                f'{track["jumps"]} of {track["count"]} transforms of {shortened(track.child)} '
+                f'jump; at {exact_time(track["jump_at"])}, by {track["jump"]:.3g} (m plus rad), '
+                f'{track["largest_speed"]:.3g} per second; otherwise, it moves by at most '
+                f'{track["usual_speed"]:.3g} per second', [track],
+                severity=INFO if _is_localisation(track) else '', time=track['jump_at'])
 
 
 def _is_localisation(track: Track) -> bool:
@@ -1193,10 +1070,10 @@ def _is_localisation(track: Track) -> bool:
         parent.rpartition('/')[2] == 'map' for parent in track.parents)
 
 
-@_check(*_same('one_shot'), severity=WARNING, meaning='A frame was sent once on /tf and never '
-        'again, so it is in the past of all other frames.')
+@_check(*_same('one_shot'), severity=WARNING)
 def _one_shot(observation: Observation) -> Iterator[_Fault]:
-    end = max([observation.end, *(track['last_time'] for track in observation.tracks)])
+    """Find frames that were sent once on /tf, so that they are in the past of all others."""
+    end = observation.until
     once = {track for tracks in observation.by_child.values()
             if len(tracks) == 1 and not (track := tracks[0]).is_static and track['count'] == 1
             and track['last_time'] and end - track['last_time'] > _ONCE}
@@ -1208,49 +1085,40 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
 
 @_check('late', 'Look at the node that publishes the frame and at the network: one of them is '
         'too slow, or the clocks of two computers differ.', 'Extrapolation into the future',
-        severity=WARNING, needs=('arrivals',), meaning='Transforms arrive more than '
-        f'{LATE / SECOND:g} s after their stamp; lookups at the present time wait for them.')
+        severity=WARNING, needs=('arrivals',))
 def _late(observation: Observation) -> Iterator[_Fault]:
+    """Find transforms that arrive more than 0.5 s after their stamp."""
     for tracks in observation.by_publisher(
             lambda track: _is_frequent(observation, track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
         # Stamps of the future can make the mean negative.
-        mean = f'{in_words(worst.mean_delay)}, the largest ' if worst.mean_delay > 0.0 else ''
-        known = _known_offset(observation, worst.mean_delay, worst['stamp'])
+        mean = f'{in_words(worst.stream.mean_delay)}, the largest ' if (
+            worst.stream.mean_delay > 0.0) else ''
         text = (f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
-                f'stamp; the {"mean" if mean else "largest"} delay of '
-                f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}{known}')
-        others = known and worst['greatest_delay'] - worst['least_delay'] < SECOND and (
-            _in_time(observation))
-        yield _Fault(
-            f'{text}; {others} are in time', tracks, code='other_clock',
-            remedy=_synchronise(observation, tracks), explains=_of_messages(observation, tracks)
-        ) if others else _of_this_clock(observation, text, tracks) or _Fault(
+                f'stamp; the {"mean" if mean else "largest"} delay of {shortened(worst.child)} '
+                f'is {mean}{in_words(worst["greatest_delay"])}')
+        yield _of_this_clock(observation, text, tracks) or _Fault(
             text, tracks, remedy=_play(observation, tracks))
 
 
 def _is_frequent(observation: Observation, track: Track, field: str) -> bool:
-    return bool(track[field] - _stalled(observation, track) > _SHARE * track['delays'])
+    return bool(track[field] - track['stalled'] > _SHARE * track['delays'])
 
 
 @_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
         'transforms into the future on purpose (transform_tolerance).',
-        'use_sim_time and the wall clock', severity=WARNING, needs=('arrivals',),
-        meaning=f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.')
+        'use_sim_time and the wall clock', severity=WARNING, needs=('arrivals',))
 def _future(observation: Observation) -> Iterator[_Fault]:
+    """Find stamps that are more than 0.1 s later than their arrival."""
     for tracks in observation.by_publisher(
             lambda track: _is_frequent(observation, track, 'future')):
         worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
         text = (f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
                 f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
-                f'ahead ({shortened(worst.child)})'
-                f'{_known_offset(observation, worst.mean_delay, worst["stamp"])}')
+                f'ahead ({shortened(worst.child)})')
         is_synchronised = ahead is not None and abs(ahead) <= FUTURE
-        others = _in_time(observation)
-        if worst.mean_delay < -CACHE and others:
-            yield _Fault(f'{text}; {others} are in time', tracks, code='other_clock',
-                         remedy=_synchronise(observation, tracks))
-        elif others == _FRAMES and worst.mean_delay < _CONSTANT * worst['least_delay'] and (
+        is_constant = worst.stream.mean_delay < _CONSTANT * worst['least_delay']
+        if is_constant and _in_time(observation) == _FRAMES and (
                 is_synchronised or (observation.has_record_times and _is_localisation(worst)
                                     and worst['least_delay'] > -_MOST_LEAD)):
             yield _Fault(f'{text}; the lead is constant, and other frames are in time', tracks,
@@ -1268,7 +1136,7 @@ def _future(observation: Observation) -> Iterator[_Fault]:
 def _of_this_clock(observation: Observation, text: str, tracks: Sequence[Track]
                    ) -> Optional[_Fault]:
     """Return a fault of the clock of the arrivals, if all messages are as far from it."""
-    delays = [track.mean_delay for track in tracks]
+    delays = [track.stream.mean_delay for track in tracks]
     delays += _usual_ages(observation)
     if len(delays) == len(tracks) or not max(delays) - min(delays) <= LATE:
         return None
@@ -1288,7 +1156,7 @@ def _in_time(observation: Observation) -> str:
     for track in observation.tracks:
         is_off = any(_is_frequent(observation, track, field)
                      for field in ('late', 'future', 'foreign'))
-        if track['delays'] and -FUTURE <= track.mean_delay <= LATE and not is_off:
+        if track['delays'] and -FUTURE <= track.stream.mean_delay <= LATE and not is_off:
             return _FRAMES
     return _MESSAGES if any(
         -FUTURE <= age <= LATE for age in _usual_ages(observation)) else ''
@@ -1302,14 +1170,14 @@ def _usual_ages(observation: Observation) -> list[float]:
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
         'simulation or a bag was started again, restart the listeners, too.', 'TF_OLD_DATA',
-        severity=WARNING, meaning='A stamp is earlier than the one before it; listeners refuse '
-        f'those that are more than {CACHE // SECOND} s earlier.')
+        severity=WARNING)
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
+    """Find stamps that are earlier than those before; listeners may refuse them."""
     for tracks in observation.by_publisher(lambda track: track['backwards'] or (
             _is_refused_for_another(observation, track))):
         worst = max(tracks, key=itemgetter('step_back'))
         for track in tracks:
-            if track.alternates:
+            if track.stream.alternates:
                 yield _Fault(
                     f'the stamps of {quoted(track.child)} alternate between two clocks, '
                     f'{in_words(track["step_back"])} apart', [track], time=int(
@@ -1351,19 +1219,18 @@ def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
             f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
 
 
-@_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish the '
-        'frame, stop one of them.', 'TF_REPEATED_DATA', severity=WARNING,
-        meaning='Two transforms of a frame have the same stamp and different poses; which of '
-        'them is used depends on the listener.')
+@_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish '
+        'the frame, stop one of them.', 'TF_REPEATED_DATA', severity=WARNING)
 def _same_stamp(observation: Observation) -> Iterator[_Fault]:
+    """Find different poses of a frame with the same stamp."""
     yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
                         'pose', lambda track: not track.is_static)
 
 
 @_check('leading_slash', 'Leave out the slash.', 'A leading slash, or a namespace',
-        severity=WARNING, meaning='The name of a frame begins with a slash, as in ROS 1; tf2 '
-        'refuses lookups of such a name.')
+        severity=WARNING)
 def _leading_slash(observation: Observation) -> Iterator[_Fault]:
+    """Find frames whose names begin with a slash; tf2 refuses lookups of them."""
     for tracks in observation.by_publisher(attrgetter('slashed')):
         names = sorted({name for track in tracks for name in track.slashed})
         yield _Fault(f'{len(names)} {"names begin" if len(names) > 1 else "name begins"} with a '
@@ -1374,9 +1241,9 @@ def _leading_slash(observation: Observation) -> Iterator[_Fault]:
                          frames=[frame], topics=topics)
 
 
-@_check(*_same('empty_name'), severity=WARNING,
-        meaning='The name of a frame is empty; listeners refuse the transform.')
+@_check(*_same('empty_name'), severity=WARNING)
 def _empty_name(observation: Observation) -> Iterator[_Fault]:
+    """Find frames without a name, whose transforms listeners refuse."""
     for (publisher, is_static), names in observation.statistics.empty_names.items():
         others = sorted(filter(None, names))
         text = f'; the other name is {_names(others)}' if others else ''
@@ -1387,9 +1254,9 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('similar_name', 'If both are the same frame, use the same name.', 'Two unconnected trees',
-        severity=WARNING, meaning='The root of a tree has almost the same name as a frame of '
-        'another tree; it may be a mistake in the name that separates the trees.')
+        severity=WARNING)
 def _similar_name(observation: Observation) -> Iterator[_Fault]:
+    """Find roots with almost the name of a frame in another tree."""
     roots = [root for tree in observation.trees for root in observation.roots(tree)]
     seen = set()
     for root in roots[:_MOST_ROOTS]:
@@ -1404,9 +1271,9 @@ def _similar_name(observation: Observation) -> Iterator[_Fault]:
                     [track for track in observation.tracks if root in track.parents], [root, name])
 
 
-@_check(*_same('part_prefix'), meaning='A part of the frames of a robot has a prefix, and '
-        'another part has none, so the tree is in parts.')
+@_check(*_same('part_prefix'))
 def _part_prefix(observation: Observation) -> Iterator[_Fault]:
+    """Find robots of whose frames only a part has a prefix."""
     for tree, other in combinations(observation.trees[:_MOST_ROOTS], 2):
         if names := part_prefix(tree, other, observation.parents):
             yield _Fault(part_prefix_text(names), [
@@ -1422,19 +1289,18 @@ def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
 
 
 @_check('missing_part', 'Read all parts of the recording: give its directory, or all its files.',
-        'No static transforms from a bag', severity=WARNING,
-        meaning='Only later parts of a split recording were read, and they have no static '
-        'transforms.')
+        'No static transforms from a bag', severity=WARNING)
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
+    """Find recordings without their first part, which has the static transforms."""
     if observation.missing_part:
         yield _Fault(observation.missing_part, topics=observation.topics[1:])
 
 
 @_check('link_without_transform', 'Start robot_state_publisher with this description; if it '
         'runs, compare its frame_prefix with the names of the frames.', 'Other faults',
-        severity=WARNING, meaning='No transform leads to a link of a robot description, so its '
-        'shapes are not drawn, and its frame cannot be used.')
+        severity=WARNING)
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
+    """Find links of robot descriptions that no transform leads to."""
     for robot, start in observation.own_robots:
         silent = {link for joint, links in robot.joints.items() for link in links
                   if robot.states.get(joint) != ''}  # see joint_without_state
@@ -1456,9 +1322,9 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('slow_clock', 'Raise the rate of /clock.', 'use_sim_time and the wall clock',
-        severity=INFO, meaning='The time on /clock comes so rarely that the time of nodes that '
-        'use it is behind the stamps.')
+        severity=INFO)
 def _slow_clock(observation: Observation) -> Iterator[_Fault]:
+    """Find that the time on /clock comes rarely, so that it is behind the stamps."""
     for sender in observation.clocks:
         period = (sender.last - sender.first) / max(1, sender.count - 1)
         if sender.count > 2 and period > _SLOW_CLOCK:
@@ -1468,9 +1334,9 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',
-        'Two unconnected trees', severity=INFO,
-        meaning='The transforms form several trees; lookups from one to another fail.')
+        'Two unconnected trees', severity=INFO)
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
+    """Find several trees; lookups from one to another fail."""
     if len(observation.trees) > 1:
         roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]
         yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots,
@@ -1478,17 +1344,17 @@ def _several_trees(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('static_changes', 'Publish a transform that changes on /tf.', 'Other faults',
-        severity=INFO, meaning='A transform on /tf_static changes; late listeners know only the '
-        'newest one, for all times.')
+        severity=INFO)
 def _static_changes(observation: Observation) -> Iterator[_Fault]:
+    """Find transforms on /tf_static that change; listeners know only the newest one."""
     yield from _counted(observation, 'changes', 'with another pose than the one before',
                         attrgetter('is_static'))
 
 
 @_check('rep_105', 'Publish these frames as earth -> map -> odom -> base_link; leave out those '
-        'that you do not need.', 'Other faults', severity=INFO,
-        meaning='The order of earth, map, odom and base_link is not that of REP 105.')
+        'that you do not need.', 'Other faults', severity=INFO)
 def _rep_105(observation: Observation) -> Iterator[_Fault]:
+    """Find earth, map, odom and base_link in another order than that of REP 105."""
     known = [name for name in _REP_105 if name in observation.tree_of]
     for upper, lower in pairwise(known):
         if (observation.tree_of[upper] == observation.tree_of[lower]

@@ -4,18 +4,18 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain, pairwise
+from itertools import pairwise
 from operator import itemgetter
 from typing import NamedTuple, Optional
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puretf import namespace_path, SECOND, TF_MESSAGE
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, NONE, Publisher, Surroundings
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
+from puretf_tools.doctor.stream import PERIODS, STALLED, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.robots import prefix, Robot
@@ -31,7 +31,7 @@ _FEWEST = 3
 SHOWN = 5
 #: A stamp that several transforms have has stalled after this time (ns), and so many periods; and
 #: so long is a pause. The largest number of pauses.
-_STALLED, _PERIODS, _PAUSES = SECOND, 3, 100
+_PAUSES = 100
 
 
 class Refused(NamedTuple):
@@ -40,24 +40,6 @@ class Refused(NamedTuple):
     number: int
     newer: int  #: the newest stamp before the last of them (ns)
     by: Track  #: the track with this stamp
-
-
-class Stall(NamedTuple):
-    """Transforms of a track, one after another, that have the same stamp."""
-
-    number: int  #: how many
-    stamp: int  #: ns
-    span: int  #: from the arrival of the first to that of the last one (ns)
-    total: int  #: the number of all such transforms of the track, also with other stamps
-    is_last: bool  #: whether the last stamp stands
-
-
-class Step(NamedTuple):
-    """The largest step of the stamps of a track."""
-
-    arrivals: NDArray[np.int64]  #: (n,) of all transforms of the track (ns)
-    delays: NDArray[np.int64]  #: (n,) from their stamps to the arrivals (ns)
-    before: int  #: the index of the transform before the step
 
 
 @dataclass
@@ -114,8 +96,7 @@ class Observation:
         """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
         # Tracks whose transforms always arrive together share them.
-        self._edges: dict[frozenset[tuple[int, ...]], Optional[Edge]] = {}
-        self._steps: dict[frozenset[tuple[int, ...]], Optional[Step]] = {}
+        self._edges: dict[Stream, Edge] = {}
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
             self.left_out.append(
@@ -125,13 +106,13 @@ class Observation:
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
-        moving = [track for track in self.tracks if not track.is_frozen]
+        moving = [track for track in self.tracks if not track.stream.is_frozen]
         if self.has_record_times and 2 * total(moving, 'foreign') > total(
-                moving, 'delays') and not any(track.alternates for track in moving):
+                moving, 'delays') and not any(track.stream.alternates for track in moving):
             self.clock = max(moving, key=itemgetter('delays'))
             self.not_known.setdefault(
                 'arrivals', 'the bag was recorded with another clock than that of the stamps; '
-                f'they are about {in_words(self.clock.mean_delay)} apart')
+                f'they are about {in_words(self.clock.stream.mean_delay)} apart')
 
     @cached_property
     def by_child(self) -> dict[str, list[Track]]:
@@ -142,10 +123,20 @@ class Observation:
         return tracks
 
     @cached_property
+    def newest(self) -> dict[str, Track]:
+        """By child: the track whose last transform has arrived last."""
+        return {child: max(tracks, key=itemgetter('last_time'))
+                for child, tracks in self.by_child.items()}
+
+    @cached_property
     def parents(self) -> dict[str, str]:
         """By child: the newest parent."""
-        return {child: [*max(tracks, key=itemgetter('last_time')).parents][-1]
-                for child, tracks in self.by_child.items()}
+        return {child: [*track.parents][-1] for child, track in self.newest.items()}
+
+    @cached_property
+    def until(self) -> int:
+        """The end of the observation, or the last arrival (ns)."""
+        return max(self.end, *(int(track['last_time']) for track in self.tracks), 0)
 
     @cached_property
     def trees(self) -> list[list[str]]:
@@ -208,50 +199,32 @@ class Observation:
             Frames(newest=self.parents))
 
     @cached_property
+    def topic_streams(self) -> dict[str, Stream]:
+        """By topic with headers: when its messages have arrived, and their stamps."""
+        clock = self.statistics.clock if self.stamp_clock is None else self.stamp_clock
+        return {each.topic: Stream(each.arrivals, each.stamps, None if (
+            'arrivals' in self.not_known) else clock.at(each.arrivals))
+            for each in self.message_times}
+
+    @cached_property
     def off_clock(self) -> dict[str, tuple[MessageTimes, int, Track]]:
         """
         By topic: the messages and the offset (ns) of their stamps, if it is of another clock.
 
-        They are compared with a frame that is in time, the third item, since a simulation can be
-        slow, or pause.
+        They are compared with a frame that is in time, the third item.
         """
         timed = [track for track in self.tracks if track['delays'] and not (
-            track['foreign'] or track['late'] or track['future'] or track in self.stalls)]
-        if 'arrivals' in self.not_known or not timed:
+            track['foreign'] or track['late'] or track['future'] or track.stream.stall)]
+        if not timed:
             return {}
-        track = max(timed, key=itemgetter('delays'))
-        arrivals, stamps = self.statistics.arrivals(self.statistics.together([track]))
-        newest = np.maximum.accumulate(stamps)
-        found = dict[str, tuple[MessageTimes, int, Track]]()
+        in_time, found = max(timed, key=itemgetter('delays')), {}
         for topic in self.message_times:
-            is_timed = (topic.stamps != 0) & (topic.arrivals >= arrivals[0]) & (
-                topic.arrivals <= arrivals[-1])
-            if not topic.edges or is_timed.sum() < _FEWEST:
-                continue
-            now = newest[arrivals.searchsorted(topic.arrivals[is_timed], 'right') - 1]
-            offsets = topic.stamps[is_timed] - now - round(track.mean_delay)
-            low, offset, high = map(int, np.quantile(offsets, (0.1, 0.5, 0.9)))
-            if high - low < SECOND and is_off(offset, int(topic.stamps[is_timed][-1]),
-                                              int(now[-1])):
-                found[topic.topic] = topic, offset, track
-        return found
-
-    @cached_property
-    def stalls(self) -> dict[Track, Stall]:
-        """The tracks whose stamp stands for a while, though transforms arrive: how long."""
-        found: dict[Track, Stall] = {}
-        for track in self.tracks:
-            if track['count'] - len(track.steps) < 3 or not (timed := self._timed(track)):
-                continue
-            arrivals, stamps = timed
-            changes = np.flatnonzero(np.diff(stamps)) + 1
-            begins, ends = np.append(0, changes), np.append(changes, len(stamps))
-            spans, numbers = arrivals[ends - 1] - arrivals[begins], ends - begins
-            has_stalled = (numbers > 2) & (spans >= max(_STALLED, _PERIODS * track.period))
-            if has_stalled.any():
-                i = int(np.where(has_stalled, spans, 0).argmax())
-                found[track] = Stall(int(numbers[i]), int(stamps[begins[i]]), int(spans[i]),
-                                     int(numbers[has_stalled].sum()), bool(has_stalled[-1]))
+            stream = self.topic_streams[topic.topic]
+            if topic.edges and stream.offset is not None:
+                offset = stream.offset + round(in_time.stream.mean_delay)
+                stamp = int(stream.stamps[-1])
+                if is_off(offset, stamp, stamp - offset):
+                    found[topic.topic] = topic, offset, in_time
         return found
 
     @cached_property
@@ -268,31 +241,14 @@ class Observation:
         times = np.sort(np.concatenate([times for _, times in known]))
         lengths, found = np.diff(times), list[tuple[int, int]]()
         for i in np.argsort(-lengths)[:_PAUSES].tolist():
-            if lengths[i] < _STALLED:
+            if lengths[i] < STALLED:
                 break
             begin, end = times[i:i + 2].tolist()
             names = [names for names, at in known if at.min() <= begin and end <= at.max()
-                     and lengths[i] > _PERIODS * (np.ptp(at) - lengths[i]) / len(at)]
+                     and lengths[i] > PERIODS * (np.ptp(at) - lengths[i]) / len(at)]
             if len(set().union(*names)) > 1:
                 found.append((begin, end))
         return found
-
-    def step(self, track: Track) -> Optional[Step]:
-        """Return the largest step of the stamps of a track; None: it is not known."""
-        key = self.statistics.together([track])
-        if key not in self._steps:
-            self._steps[key] = None
-            if len(track.steps) and (timed := self._timed(track)):
-                arrivals, stamps = timed
-                self._steps[key] = Step(
-                    arrivals, arrivals - stamps, int(np.diff(stamps).argmax()))
-        return self._steps[key]
-
-    def _timed(self, track: Track) -> Optional[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """Return the arrivals, on the clock of the stamps, and the stamps of a dynamic track."""
-        arrivals, stamps = self.statistics.arrivals(self.statistics.together([track]))
-        times = self.statistics.clock.at(arrivals) if len(arrivals) else None
-        return None if times is None else (times, stamps)
 
     @cached_property
     def refused(self) -> dict[Track, Refused]:
@@ -304,10 +260,10 @@ class Observation:
                     track['oldest'] for track in tracks) <= CACHE or (
                         len(tracks) == 1 and not tracks[0]['backwards']):
                 continue
-            arrived = [self.statistics.arrivals(self.statistics.together([track]))
-                       for track in tracks]
-            times, stamps = (np.concatenate(each) for each in zip(*arrived))
-            numbers = np.repeat(np.arange(len(tracks)), [len(each) for each, _ in arrived])
+            streams = [track.stream for track in tracks]
+            times, stamps = (np.concatenate(each) for each in zip(
+                *((each.arrivals, each.stamps) for each in streams)))
+            numbers = np.repeat(np.arange(len(tracks)), [len(each.stamps) for each in streams])
             order = np.argsort(times, kind='stable')
             times, stamps, numbers = times[order], stamps[order], numbers[order]
             begins = [0, *times.searchsorted(sorted(self.clears)).tolist(), len(times)]
@@ -328,13 +284,13 @@ class Observation:
         """From when on the messages with `own_headers` can be transformed at their stamps."""
         if not self.own_headers:
             return []
-        arrivals = [*self.statistics.span_of_arrivals(), *chain.from_iterable(
-            (min(headers.arrivals), max(headers.arrivals))
-            for headers in self.own_headers.values() if headers.arrivals)]
+        arrivals = np.concatenate([
+            *(times for _, times in self.statistics.sources()),
+            *(np.array(each.arrivals, np.int64) for each in self.own_headers.values())])
         judge = Judge(
             self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
                                 if track['latest'] and not track.is_static],
-            min(arrivals, default=0), max(arrivals, default=0), self.stamp_clock,
+            int(arrivals.min(initial=2**63 - 1)), int(arrivals.max(initial=0)), self.stamp_clock,
             self.statistics.settling)
         return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
 
@@ -349,19 +305,18 @@ class Observation:
         if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
             return None
         # Edges whose transforms always arrive together are judged once.
-        edges: dict[frozenset[tuple[int, ...]], Edge] = {}
+        edges: dict[Stream, Edge] = {}
         for child in path:
             tracks = self.dynamic_tracks(child)
-            key = self.statistics.together(tracks)
-            if not tracks or key in edges:
+            stream = self.statistics.stream(tracks)
+            if not tracks or stream in edges:
                 continue
-            if key not in self._edges:
-                arrivals, stamps = self.statistics.arrivals(key)
-                self._edges[key] = Edge(child, arrivals, stamps) if len(stamps) else None
-            if (edge := self._edges[key]) is None:
+            if not stream.arrivals.any():
                 return None
-            edges[key] = copy(edge)
-            edges[key].child = child
+            if stream not in self._edges:
+                self._edges[stream] = Edge(child, stream.arrivals, stream.stamps)
+            edges[stream] = copy(self._edges[stream])
+            edges[stream].child = child
         return [*edges.values()]
 
     @cached_property

@@ -21,13 +21,12 @@ WINDOW = 10
 SETTLING = SECOND // 5
 #: Times of arrival (ns) are limited to this, so that no difference from a stamp exceeds int64.
 LATEST = 2**63 - 1 - 2**31 * SECOND
-#: What `Counts` knows of the delays of a track: the times from the stamps to the arrivals (ns).
-DELAYS: Any = [
+#: What `Traffic` knows of the delays of a track: the times from the stamps to the arrivals (ns).
+_FIELDS: Any = [
     ('delays', 'i8'), ('total_delay', 'f8'),  # their number and their sum
-    ('least_delay', 'i8'), ('greatest_delay', 'i8'),
+    ('greatest_delay', 'i8'),
     ('first', 'i8'), ('last', 'i8')]  # when the first and the last of these transforms arrived
-_EXTREMES = {'least_delay': np.minimum, 'greatest_delay': np.maximum,
-             'first': np.minimum, 'last': np.maximum}
+_EXTREMES = {'greatest_delay': np.maximum, 'first': np.minimum, 'last': np.maximum}
 #: A program has fewer broadcasters than this without a frame of their own, unless it creates them
 #: again and again.
 _MANY, _MANY_SILENT = 6, 20
@@ -61,25 +60,13 @@ class Counts:
     """
     Counts transforms by track: those of one child from one publisher on one topic.
 
-    The counts of a track are a row of an array, whose fields are `DELAYS` and those of a subclass.
+    The counts of a track are a row of an array, whose fields are those of a subclass.
     """
 
-    fields = np.dtype(DELAYS)
-    of_clock = fields.names or ()  #: those fields that depend on the clock of the stamps
+    fields: np.dtype[np.void]
     most_tracks = 100_000
 
-    def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:
-        """
-        Count nothing yet.
-
-        :param settling: the delays of a publisher are ignored for this time (ns) after its first
-            message.
-        :param clock: that of the stamps; None: that of the arrivals.
-        """
-        self.settling, self.clock = settling, clock or StampClock()
-        self._was_simulated = self.clock.is_simulated
-        #: By publisher: the time of arrival of the first dynamic message (ns).
-        self._since: dict[str, int] = {}
+    def __init__(self) -> None:
         #: By child, publisher and topic (True: static): the number of the track.
         self._numbers: dict[tuple[str, str, bool], int] = {}
         self._values: Any = np.zeros(16, self.fields)  #: by the number of the track
@@ -87,11 +74,7 @@ class Counts:
         self.count = self.not_counted = 0
 
     def add(self, table: TransformTable) -> None:
-        """Count transforms; if the clock is another one now, discard all delays."""
-        if self.clock.is_simulated != self._was_simulated:
-            self._was_simulated = self.clock.is_simulated
-            for field in self.of_clock:
-                self._values[field] = 0
+        """Count transforms."""
         found = [self._number(table, *edge) for edge in table.edges]
         kept = [i for i, number in enumerate(found) if number is not None]
         if kept:
@@ -117,28 +100,7 @@ class Counts:
 
     def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
         """Change the values (n,) of the tracks with some numbers by n transforms each message."""
-        is_timed = table.times != 0
-        if table.is_static or not is_timed.any():
-            return
-        since = self._since.setdefault(table.publisher, int(table.times[is_timed].min()))
-        if self.settling:
-            is_timed &= table.times >= since + self.settling
-        times = self.clock.at(table.times[is_timed])
-        if times is not None and len(times):
-            self._count_delays(values, times, table.stamps[is_timed])
-
-    def _count_delays(self, values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]
-                      ) -> None:
-        """Count the delays from (m, n) stamps, unless they are 0, to (m,) arrivals (ns)."""
-        known, new = stamps != 0, np.zeros(len(values), DELAYS)
-        delays, limits = times[:, None] - stamps, np.iinfo(np.int64)
-        new['delays'] = known.sum(axis=0)
-        new['total_delay'] = np.where(known, delays, 0).sum(axis=0, dtype=np.float64)
-        for field, extreme in _EXTREMES.items():
-            new[field] = extreme.reduce(np.where(
-                known, delays if 'delay' in field else times[:, None],
-                limits.max if extreme is np.minimum else limits.min))
-        _merge(values, new)
+        raise NotImplementedError
 
 
 def _merge(values: Any, new: Any) -> None:
@@ -173,9 +135,14 @@ class NodeTraffic(NamedTuple):
 class Traffic(Counts):
     """The messages that were received within the window; the child '' is all of a message."""
 
+    fields = np.dtype(_FIELDS)
+
     def __init__(self, clock: StampClock) -> None:
         """Count nothing yet; `clock`: that of the stamps."""
-        super().__init__(SETTLING, clock)
+        super().__init__()
+        self._clock = clock
+        #: By publisher: the time of arrival of the first dynamic message (ns).
+        self._since: dict[str, int] = {}
         self._seconds: deque[Any] = deque(maxlen=WINDOW)  #: the values of each second before
         self._latest = 0  #: the last time on this clock (ns)
         self._set_back = 0  #: the system time (ns) at which it jumped back last; 0: never
@@ -183,7 +150,7 @@ class Traffic(Counts):
     def observe(self, messages: Iterable[Message]) -> None:
         """Count the transforms of received messages; the listener logs malformed ones."""
         self._read_clock()
-        begin = max(self._set_back, self.clock.system() - WINDOW * SECOND)
+        begin = max(self._set_back, self._clock.system() - WINDOW * SECOND)
         for table in transform_tables(
                 each for each in messages if each.is_static or each.time >= begin):
             names = [child.removeprefix('/') for _, child in table.edges]
@@ -197,11 +164,25 @@ class Traffic(Counts):
                     edges=[*(table.edges[i] for i in kept), ('', '')],
                     stamps=np.where(stamps == 0, 1, stamps), poses=np.empty((*stamps.shape, 0))))
 
+    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
+        if table.is_static:
+            return
+        since = self._since.setdefault(table.publisher, int(table.times.min()))
+        is_settled = table.times >= since + SETTLING
+        times = self._clock.at(table.times[is_settled])
+        if times is not None and len(times):
+            new, delays = np.zeros_like(values), times[:, None] - table.stamps[is_settled]
+            new['delays'] = len(times)
+            new['total_delay'] = delays.sum(axis=0, dtype=np.float64)
+            new['greatest_delay'] = delays.max(axis=0)
+            new['first'], new['last'] = times.min(), times.max()
+            _merge(values, new)
+
     def _read_clock(self) -> int:
         """Return the time on the clock (ns); if it has jumped back, discard all delays."""
-        now = self.clock.now()
+        now = self._clock.now()
         if now < self._latest - SECOND:
-            self._set_back = self.clock.system()
+            self._set_back = self._clock.system()
             self._seconds.clear()
             self._values = np.zeros_like(self._values)
         for _ in range(min(now // SECOND - self._latest // SECOND, WINDOW + 1)):

@@ -946,8 +946,8 @@ def test_a_process_that_is_killed(capsys, monkeypatch, several):
 
 
 @pytest.mark.parametrize(('stamp', 'time', 'where'), [
-    (-1, 2**63 - 1, 'before'), (-2**31 * S, 2**63 - 1, 'before'), (-2**31 * S, 1, 'before'),
-    (2**31 * S - 1, 1, 'after'), (2**31 * S - 1, 2**63 - 1, 'before')])
+    (-1, 2**63 - 1, 'behind'), (-2**31 * S, 2**63 - 1, 'behind'), (-2**31 * S, 1, 'behind'),
+    (2**31 * S - 1, 1, 'ahead of'), (2**31 * S - 1, 2**63 - 1, 'behind')])
 def test_times_at_the_ends_of_their_range(tmp_path, stamp, time, where):
     """No difference overflows: the stamps are on the right side of the arrival."""
     odd = [('/tf', time, [bags.row(stamp, 'map', 'odd')]),
@@ -958,4 +958,4 @@ def test_times_at_the_ends_of_their_range(tmp_path, stamp, time, where):
         report = examine(path)
     (finding,) = (each for each in report.findings if each.code == 'other_clock')
     assert finding.frames == ('odd',)
-    assert f' s {where} it; ' in finding.evidence
+    assert f' s {where} the arrival; ' in finding.evidence

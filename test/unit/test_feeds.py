@@ -203,14 +203,15 @@ def test_stamps_of_the_future(lead, ahead, others, found, remedy):
     (lambda time: time - 315_964_782_000, '(the GPS epoch)'),
     (lambda time: time + 2 * 3600 * 1000, '(2 hours: a time zone)'),
     (lambda time: time - T // MS + 1_868_000,
-     'stamps near 0 count from the start of a device or a simulation'),
+     '(near 0, as since power-on)'),
     (lambda time: time - 1_000_000, '')])
 def test_stamps_of_another_clock(stamp, words):
     """A known difference is said; use_sim_time is no cause if nothing publishes /clock."""
     content = [tf(i * 20, stamp(i * 20), 'map odom') for i in range(200)]
     (finding,) = examine(observed(content, [])).findings
     assert finding.code == 'other_clock'
-    assert finding.evidence.endswith(words or '1699999003.980000000')
+    assert f's {words}'.rstrip() in finding.evidence
+    assert ('(' in finding.evidence) == bool(words)
     assert 'use_sim_time' not in finding.remedy
     for ahead, remedy in (stamp(0), True), (10**9, False):
         clocks = [sender('/gazebo', last=3980, ahead=ahead)]

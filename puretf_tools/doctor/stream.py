@@ -1,0 +1,255 @@
+"""What arrives again and again, as the transforms of a frame: its arrivals and stamps, judged."""
+
+from functools import cached_property
+from typing import NamedTuple, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puretf import SECOND
+from puretf._causes.facts import OTHER_CLOCK
+
+#: What arrives more than `LATE` (ns) after its stamp is late; if its stamp is more than `FUTURE`
+#: (ns) after its arrival, it is from the future.
+LATE, FUTURE = SECOND // 2, SECOND // 10
+#: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
+#: `SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are at
+#: least the part `_JITTER` of all steps, and at least `_FEWEST_GAPS`.
+GAP, SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
+#: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
+#: some programs send several transforms of a frame at once.
+FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
+#: A stamp that several messages have has stalled after this time (ns), and so many periods.
+STALLED, PERIODS = SECOND, 3
+#: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
+#: and for more than this part of the messages.
+_TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
+#: If the nanoseconds of stamps are all below the first number, while delays differ by more than
+#: the second one (ns), at this rate (Hz) or more, they are another unit.
+_FIRST_PART, _SPREAD, _LEAST_RATE = SECOND // 5, SECOND // 2, 5.0
+_Array = NDArray[np.int64]
+
+
+class Stall(NamedTuple):
+    """Messages, one after another, that have the same stamp."""
+
+    number: int  #: how many
+    stamp: int  #: ns
+    span: int  #: from the arrival of the first to that of the last one (ns)
+    total: int  #: the number of all such messages, also with other stamps
+    is_last: bool  #: whether the last stamp stands
+
+
+class Stream:
+    """The arrivals and the stamps of the transforms of a frame, or of the messages of a topic."""
+
+    def __init__(self, arrivals: _Array, stamps: _Array, times: Optional[_Array] = None,
+                 begin: int = 1) -> None:
+        """
+        Take (n,) messages; those with a stamp of 0 only count as such.
+
+        :param arrivals: on the system clock (ns); 0: not known.
+        :param stamps: ns
+        :param times: the arrivals on the clock of the stamps (ns); None: not known.
+        :param begin: what arrives before has no delay.
+        """
+        order = np.argsort(arrivals, kind='stable')
+        order = order[stamps[order] != 0]
+        self.zero_stamps = len(stamps) - len(order)
+        self.arrivals, self.stamps = arrivals[order], stamps[order]
+        self._times = None if times is None else times[order]
+        self._begin = max(begin, 1)
+
+    # Delays
+
+    @cached_property
+    def all_delays(self) -> Optional[_Array]:
+        """The (n,) times from the stamps to the arrivals (ns); None: not known."""
+        return None if self._times is None else self._times - self.stamps
+
+    @cached_property
+    def _delays(self) -> _Array:
+        return (np.empty(0, np.int64) if self.all_delays is None else
+                self.all_delays[self.arrivals >= self._begin])
+
+    @property
+    def delays(self) -> int:
+        """How many delays are known."""
+        return len(self._delays)
+
+    @cached_property
+    def mean_delay(self) -> float:
+        """The mean of the delays (ns); NaN if there is none, or they are from two clocks."""
+        return float(self._delays.mean()) if self.delays and not self.alternates else float('nan')
+
+    @cached_property
+    def least_delay(self) -> int:
+        return int(self._delays.min(initial=2**63 - 1)) if self.delays else 0
+
+    @cached_property
+    def greatest_delay(self) -> int:
+        return int(self._delays.max()) if self.delays else 0
+
+    @cached_property
+    def foreign(self) -> int:
+        """How many delays are so large that the stamp is from another clock."""
+        return int((np.abs(self._delays) > OTHER_CLOCK).sum())
+
+    @cached_property
+    def late(self) -> int:
+        return int(((self._delays > LATE) & (self._delays <= OTHER_CLOCK)).sum())
+
+    @cached_property
+    def future(self) -> int:
+        return int(((self._delays < -FUTURE) & (self._delays >= -OTHER_CLOCK)).sum())
+
+    @cached_property
+    def offset(self) -> Optional[int]:
+        """The stamps minus the arrivals (ns), if they vary little; None: they do not."""
+        if self.delays < 3:
+            return None
+        low, median, high = np.quantile(self._delays, (0.1, 0.5, 0.9)).tolist()
+        return -round(median) if high - low < SECOND else None
+
+    # Steps from stamp to stamp
+
+    @cached_property
+    def _all_steps(self) -> _Array:
+        steps: _Array = np.diff(self.stamps)
+        return steps
+
+    @cached_property
+    def steps(self) -> _Array:
+        """The (n,) steps forward (ns)."""
+        return self._all_steps[self._all_steps > 0]
+
+    @cached_property
+    def period(self) -> float:
+        """The median of the steps forward (ns); 0.0: there is none."""
+        return float(np.median(self.steps)) if len(self.steps) else 0.0
+
+    @cached_property
+    def _at(self) -> int:
+        """The index of the stamp before the largest step."""
+        return int(self._all_steps.argmax()) if len(self.steps) else 0
+
+    @property
+    def largest_step(self) -> tuple[int, int]:
+        """The largest step, and the stamp before it (ns); 0, 0: there is none."""
+        return (int(self._all_steps[self._at]), int(self.stamps[self._at])) if len(
+            self.steps) else (0, 0)
+
+    @property
+    def arrivals_at_step(self) -> tuple[int, int]:
+        """When the messages before and after the largest step have arrived (ns)."""
+        before, after = self.arrivals[self._at:self._at + 2].tolist()
+        return before, after
+
+    @property
+    def is_hole(self) -> bool:
+        """True if nothing has arrived during the largest step."""
+        if not len(self.steps):
+            return True
+        pauses = np.diff(self.arrivals)
+        return bool(pauses[self._at] > GAP * np.median(pauses))
+
+    @property
+    def gaps(self) -> int:
+        """The number of steps that are gaps."""
+        return int(np.count_nonzero(self.steps > GAP * max(self.period, _SHORTEST_PERIOD)))
+
+    @property
+    def has_many_gaps(self) -> bool:
+        return self.gaps >= max(_FEWEST_GAPS, _JITTER * len(self.steps))
+
+    @property
+    def has_long_step(self) -> bool:
+        return self.largest_step[0] > max(GAP * self.period, SHORTEST_GAP)
+
+    @cached_property
+    def clock_step(self) -> Optional[tuple[float, float]]:
+        """
+        The delays (ns) before and after a step of the clock that stamps; None: there is none.
+
+        Stamps step forward, while messages arrive as before, and delays are constant otherwise.
+        """
+        if not self.has_long_step or self.all_delays is None or self.is_hole:
+            return None
+        parts = self.all_delays[:self._at + 1], self.all_delays[self._at + 1:]
+        if min(map(len, parts)) < FEWEST:
+            return None
+        (low, before, high), (least, after, most) = (
+            np.quantile(part, (0.1, 0.5, 0.9)).tolist() for part in parts)
+        return (before, after) if max(high - low, most - least) < LATE < before - after else None
+
+    # Stamps that go back, stand, or are odd
+
+    @property
+    def backwards(self) -> int:
+        """How many stamps are earlier than the one before."""
+        return int((self._all_steps < 0).sum())
+
+    @property
+    def step_back(self) -> int:
+        """The largest step back (ns)."""
+        return max(0, -int(self._all_steps.min(initial=0)))
+
+    @property
+    def step_back_at(self) -> int:
+        """The stamp before the largest step back (ns); 0: there is none."""
+        return int(self.stamps[self._all_steps.argmin()]) if self.step_back else 0
+
+    @cached_property
+    def alternates(self) -> bool:
+        """True if the stamps are of two clocks in turn, as those of two publishers."""
+        return self.step_back > _TURN and self.backwards > max(
+            _FEW_TURNS, _TURNS * len(self.stamps))
+
+    @property
+    def oldest(self) -> int:
+        """The oldest stamp (ns); 0: there is none."""
+        return int(self.stamps.min()) if len(self.stamps) else 0
+
+    @property
+    def latest(self) -> int:
+        return int(self.stamps.max()) if len(self.stamps) else 0
+
+    @cached_property
+    def stall(self) -> Optional[Stall]:
+        """The stamp that stands longest, though messages arrive; None: there is none."""
+        if len(self.stamps) - len(self.steps) < 3 or self._times is None:
+            return None
+        changes = np.flatnonzero(self._all_steps) + 1
+        begins, ends = np.append(0, changes), np.append(changes, len(self.stamps))
+        spans, numbers = self._times[ends - 1] - self._times[begins], ends - begins
+        has_stalled = (numbers > 2) & (spans >= max(STALLED, PERIODS * self.period))
+        if not has_stalled.any():
+            return None
+        i = int(np.where(has_stalled, spans, 0).argmax())
+        return Stall(int(numbers[i]), int(self.stamps[begins[i]]), int(spans[i]),
+                     int(numbers[has_stalled].sum()), bool(has_stalled[-1]))
+
+    @property
+    def stalled(self) -> int:
+        """How many messages have a stamp that stands."""
+        return self.stall.total if self.stall else 0
+
+    @property
+    def is_frozen(self) -> bool:
+        """True if all have the same stamp."""
+        return self.stall is not None and self.oldest == self.latest and not self.zero_stamps
+
+    @property
+    def odd_nanoseconds(self) -> str:
+        """What is odd with the nanoseconds of stamps, if they are another unit; else ''."""
+        if len(self.stamps) < FEWEST:
+            return ''
+        span, largest = np.ptp(self.stamps), int((self.stamps % SECOND).max())
+        if largest > _FIRST_PART or np.ptp(self.arrivals - self.stamps) < _SPREAD or (
+                span < 2 * SECOND or len(self.stamps) * SECOND < _LEAST_RATE * span):
+            return ''
+        if not largest:
+            return 'nanosec is always 0 (whole seconds)'
+        unit = ('milliseconds' if largest < 1000 else 'microseconds' if largest < 1_000_000 else
+                '')
+        return f'nanosec is never above {largest}{f", as {unit} are," if unit else ""}'
