@@ -460,7 +460,7 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('joint_without_state', '{remedy}', 'A frame does not exist', symptoms=_NO_DATA,
-       needs=('publishers',), explains=('no_transforms',))
+       needs=('publishers',), explains=('no_transforms', 'link_without_transform'))
 def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
     for each in facts.around.publishers or ():
         topic = facts.around.waits_for.get(each.node, '/clock')

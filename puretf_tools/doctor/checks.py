@@ -103,7 +103,6 @@ class _Fault(NamedTuple):
     #: The consequences of this fault, which are not reported. By code: the names of the frames or
     #: nodes; None: all.
     explains: Mapping[str, Optional[Collection[str]]] = MappingProxyType({})
-    values: Mapping[str, object] = MappingProxyType({})  #: as `Evidence.values`
     code: str = ''  #: '': that of the check
 
 
@@ -129,15 +128,14 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
             if rule.code in ignored:
                 continue
             explained += fault.explains.items()
-            topics = (observation.topics[track.is_static] for track in fault.tracks)
-            nodes = map(observation.node_of, fault.tracks)
-            frames = map(_child_of, fault.tracks) if fault.frames is None else fault.frames
+            frames, topics, nodes = (tuple(dict.fromkeys(filter(None, names))) for names in (
+                map(_child_of, fault.tracks) if fault.frames is None else fault.frames,
+                (*fault.topics, *(observation.topics[track.is_static] for track in fault.tracks)),
+                (*fault.nodes, *map(observation.node_of, fault.tracks))))
             findings.append(Finding(
-                rule.code, fault.severity or rule.severity, tuple(dict.fromkeys(frames)),
-                tuple(dict.fromkeys((*fault.topics, *topics))),
-                tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
-                '' if fault.remedy is None else
-                fault.remedy or rule.remedy.format(**fault.values), rule.section, fault.time))
+                rule.code, fault.severity or rule.severity, frames, topics, nodes, fault.evidence,
+                rule.remedy if fault.remedy == '' else fault.remedy or '', rule.section,
+                fault.time))
     return sorted((finding for finding in findings if not any(
         finding.code == code and _is_among(finding, names) for code, names in explained)),
         key=lambda finding: SEVERITIES.index(finding.severity))
@@ -161,6 +159,13 @@ def _names(names: Iterable[str]) -> str:
 
 def _hertz(track: Track) -> str:
     return 'once' if track.rate is None else f'{track.rate:.1f} Hz'
+
+
+def _of_frame(code: str, observation: Observation, tracks: Sequence[Track]) -> str:
+    """Return the remedy for a frame, with its publishers if there are several."""
+    nodes = {*map(observation.node_of, tracks)} - {''}
+    by = f', by {" or ".join(map(shortened, sorted(nodes)))}' if len(nodes) > 1 else ''
+    return CHECKS[code].remedy.format(frame=quoted(tracks[0].child) + by)
 
 
 # Errors
@@ -195,45 +200,34 @@ for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
         'A frame jumps or flickers', needs=('nodes',))
 def _two_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find two publishers that send a frame at the same time, so that it jumps."""
-    pairs: dict[tuple[str, str, bool, bool], list[tuple[Track, Track]]] = {}
+    pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
     again = {*chain.from_iterable(observation.recreated.values())}
     for tracks in observation.by_child.values():
         for a, b in combinations(tracks, 2):
             if (a.is_static == b.is_static and not {a.publisher, b.publisher} <= again
                     and _exist_together(observation, a, b)):
-                pairs.setdefault((a.publisher, b.publisher, a.is_static, a.is_static and (
-                    _are_equal(a, b))), []).append((a, b))
-    for (*_, are_equal), group in pairs.items():
+                pairs.setdefault((a.publisher, b.publisher, a.is_static), []).append((a, b))
+    for group in pairs.values():
         a, b = group[0]
         names = [observation.node_of(track) or 'a publisher' for track in (a, b)]
-        what = ('equal transforms' if are_equal else
-                f'transforms that differ by {max(_distance(*pair) for pair in group):.3g} '
+        what = (f'transforms that differ by {max(_distance(*pair) for pair in group):.3g} '
                 '(m plus rad)' if a.is_static else
                 f'{a["count"]} transforms ({_hertz(a)}) and {b["count"]} ({_hertz(b)})')
         children = [a.child for a, _ in group]
         yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {what}',
-                     [a, b], children, severity=INFO if are_equal else '',
-                     remedy='One of the two is enough.' if are_equal else '')
+                     [a, b], children)
 
 
 def _distance(a: Track, b: Track) -> float:
     return float(distances(a['pose'][None, None], b['pose'][None, None])[0, 0])
 
 
-def _are_equal(a: Track, b: Track) -> bool:
-    """Return whether the last transforms of two tracks are equal."""
-    return _distance(a, b) < _EQUAL and [*a.parents][-1] == [*b.parents][-1]
-
-
 def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
-    """Return False if one publisher has replaced the other, as when a node is restarted."""
+    """Return False if two are equal, or one has replaced the other, as when a node restarts."""
     if a.is_static:
-        # The publisher of a node that was killed exists for some seconds more.
-        is_same = _are_equal(a, b)
-        if observation.present is None:
-            return not is_same
-        return {a.publisher, b.publisher} <= {*observation.present} and not (
-            is_same and observation.node_of(a) == observation.node_of(b))
+        is_same = _distance(a, b) < _EQUAL and [*a.parents][-1] == [*b.parents][-1]
+        return not is_same and (observation.present is None or {
+            a.publisher, b.publisher} <= {*observation.present})
     return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
 
 
@@ -241,21 +235,20 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
         'of a timer.', 'Other faults', needs=('nodes',))
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that create publishers again and again: what they send first can be lost."""
-    groups = {key: [track for track in observation.tracks if track.publisher in found]
-              for key, publishers in observation.recreated.items() for found in [{*publishers}]}
-    # A broadcaster that is created in a callback sends little.
-    usual = {key: np.median([track['count'] for track in tracks]) if tracks else 0.0
-             for key, tracks in groups.items()}
-    again = {node for (node, _), count in usual.items() if count >= FEWEST}
-    for (node, topic), tracks in groups.items():
-        count, frames = len(observation.recreated[node, topic]), [*map(_child_of, tracks)]
+    for (node, topic), publishers in observation.recreated.items():
+        frames = [track.child for track in observation.tracks if track.publisher in publishers]
+        # A broadcaster that is created in a callback sends little.
+        counts = [track['count'] for track in observation.tracks if not track.is_static
+                  and track.publisher in observation.recreated.get(
+                      (node, observation.topics[0]), ())]
+        usual = np.median(counts) if counts else 0.0
         where = ', from one node' if node.startswith('/') else ''
-        how = (f', with {usual[node, topic]:.0f} transforms each, as if it has started again '
-               f'{count - 1} times' if node in again else '')
+        how = (f', with {usual:.0f} transforms each, as if it has started again '
+               f'{len(publishers) - 1} times' if usual >= FEWEST else '')
         yield _Fault(
-            f'{count} publishers, one after another{where}{how}', (), frames, [topic], [node],
-            'Look at the log of the node: does it end, and is it started again? If not, create '
-            'its broadcaster once.' if how else '', WARNING if how else '',
+            f'{len(publishers)} publishers, one after another{where}{how}', (), frames, [topic],
+            [node], 'Look at the log of the node: does it end, and is it started again? If not, '
+            'create its broadcaster once.' if how else '', WARNING if how else '',
             explains={'no_transforms': None, **({'gap': frames} if how else {})})
 
 
@@ -271,10 +264,9 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(f'{quoted(child)} has {len(parents)} parents in {total(tracks, "count")} '
                          f'transforms: {comma_list(texts, SHOWN)}', tracks,
                          remedy='If it was not handed over on purpose, let only one parent be '
-                         f'published for {quoted(child)}.' if is_handed else '',
-                         severity=INFO if is_handed else '', values={
-                             'frame': quoted(child) + _by_one(observation, tracks)},
-                         explains=dict.fromkeys(
+                         f'published for {quoted(child)}.' if is_handed else
+                         _of_frame('changing_parent', observation, tracks),
+                         severity=INFO if is_handed else '', explains=dict.fromkeys(
                              ('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', *(
                                  ['gap'] if is_handed and len(tracks) > 1 else [])), (child,)))
 
@@ -282,11 +274,6 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
 def _by(observation: Observation, track: Track) -> str:
     node = observation.node_of(track)
     return f' by {shortened(node)}' if node else ''
-
-
-def _by_one(observation: Observation, tracks: Iterable[Track]) -> str:
-    nodes = {*map(observation.node_of, tracks)} - {''}
-    return f', by {" or ".join(map(shortened, sorted(nodes)))}' if len(nodes) > 1 else ''
 
 
 def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
@@ -319,7 +306,7 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
             texts = [f'{total(group, "count")} on {topic}{_by(observation, group[-1])}'
                      for group, topic in zip(groups, observation.topics)]
             yield _Fault(f'transforms of {quoted(child)}: {", ".join(texts)}', tracks,
-                         values={'frame': quoted(child) + _by_one(observation, tracks)})
+                         remedy=_of_frame('static_and_dynamic', observation, tracks))
 
 
 @_check('loop', 'Remove one of the transforms: the frame at the top, such as map, must have no '
@@ -367,7 +354,9 @@ def _is_no_place(observation: Observation, frame: str) -> bool:
         'A frame does not exist')
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
     """Find movable joints without joint states; the links below them are cut off."""
-    is_found = False
+    if found := [*_found_by('joint_without_state', observation)]:
+        yield from found
+        return
     for robot, start in observation.own_robots:
         topic = joint_states_of(robot.topic)
         others = [] if robot.states else [
@@ -376,9 +365,7 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
         known = (f'which names {_names(sorted(robot.states))}' if robot.states else
                  'where nothing was received')
         if others:
-            nodes = observation.around.joint_states.get(others[0], ())
-            known += f'; joint states are on {_names(others)}' + (
-                f' of {_names(nodes)}' if nodes else '')
+            known += f'; joint states are on {_names(others)}'
         silent: dict[str, list[str]] = {}
         for joint, links in robot.joints.items():
             # The name of a link can be known without a transform to it, from a child of the link.
@@ -392,13 +379,9 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
                          f'{_names(joints)}', (), [start + link for joint in joints
                                                    for link in robot.joints[joint]], [topic],
-                         nodes if others else (),
-                         remap(topic, others[0]) if others else '', explains={
+                         remedy=remap(topic, others[0]) if others else '', explains={
                              'link_without_transform': [start + link for link in robot.links],
                              'no_transforms': None} if others else {})
-            is_found = True
-    if not is_found:
-        yield from _found_by('joint_without_state', observation)
 
 
 @_check('disconnected', 'Publish a transform between the trees.', 'Two unconnected trees',
