@@ -261,7 +261,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                        if TF_MESSAGE in types and node.count_publishers(topic)],
             not_known=_not_known(listening), left_out=left_out, end=listening.end,
-            stamp_clock=listener.clock, ahead=listener.ahead, clock_text=listener.clock_text(),
+            ahead=listener.ahead, clock_text=listener.clock_text(),
             clock_stands=clock.stands(), clock_nodes=clock.nodes(), around=around)
 
 

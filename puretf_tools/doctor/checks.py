@@ -12,17 +12,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import (
-    comma_list,
-    exact_time,
-    Frame,
-    is_slip,
-    near_names,
-    quoted,
-    SECOND,
-    shortened,
-    suggest_names,
-)
+from puretf import SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, OTHER_CLOCK, SILENCE
@@ -36,14 +26,15 @@ from puretf._causes.lookups import (
     RULES,
 )
 from puretf._causes.rules import known, registry, Rule
+from puretf._text.names import comma_list, quoted, shortened
+from puretf._text.similar_names import is_slip, near_names, suggest_names
+from puretf._text.times import exact_time
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
 from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
-from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
-from puretf_tools.inspection.stamp_clock import StampClock
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 #: Transforms that differ by less (m plus rad) are equal.
@@ -313,14 +304,18 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
         'parent.', 'Other faults')
 def _loop(observation: Observation) -> Iterator[_Fault]:
     """Find frames that are parents of each other in a circle; lookups through them fail."""
-    forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
-                    for child, parent in observation.parents.items())
-    for loop in forest.loops:
-        tracks = [track for name in loop for track in observation.by_child[name]]
-        more = ['...'] if len(loop) > SHOWN else []
-        yield _Fault(f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
-                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks,
-                     remedy='' if len(loop) > 1 else RULES['loop'].remedy)
+    seen = set[str]()
+    for child in observation.parents:
+        above = observation.ancestors(child)
+        if child in above and child not in seen:
+            loop = [child, *above[:above.index(child)]]
+            seen.update(loop)
+            more = ['...'] if len(loop) > SHOWN else []
+            yield _Fault(
+                f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
+                f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, child]))}',
+                [track for name in loop for track in observation.by_child[name]],
+                remedy='' if len(loop) > 1 else RULES['loop'].remedy)
 
 
 @_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
@@ -743,17 +738,15 @@ def _of_edge(observation: Observation, edge: Edge,
              topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str,
              remedy: Optional[str] = '') -> _Fault:
     """Return a fault of messages that wait for an edge; `what` is said of those of one topic."""
-    others = [topic.topic for topic, _ in topics[1:]]
-    more = f'; so do messages on {_names(others)}' if others else ''
+    names = [topic.topic for topic, _ in topics]
+    more = f'; so do messages on {_names(names[1:])}' if names[1:] else ''
     ahead = _lead(observation, topics)
     clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
-    senders = [node for topic, _ in topics
-               for node in observation.senders.get(topic.topic, ())]
     return _Fault(
         f'{_part(*topics[0])} {what}{more}{clock}', (),
-        chain.from_iterable(_frames_of(*each) for each in topics),
-        [topic.topic for topic, _ in topics],
-        [*senders, *map(observation.node_of, observation.dynamic_tracks(edge.child))], remedy)
+        chain.from_iterable(_frames_of(*each) for each in topics), names,
+        [*chain.from_iterable(observation.senders.get(name, ()) for name in names),
+         *map(observation.node_of, observation.dynamic_tracks(edge.child))], remedy)
 
 
 def _lead(observation: Observation,
@@ -767,8 +760,6 @@ def _lead(observation: Observation,
 def _ages(observation: Observation, topic: MessageTimes) -> Optional[NDArray[np.int64]]:
     """Return the ages of messages when they arrive (ns), by their stamps; None: not known."""
     clock = observation.stamp_clock
-    if observation.has_record_times and 'arrivals' not in observation.not_known:
-        clock = StampClock()
     times = clock.at(topic.arrivals) if clock else None
     return None if times is None else times - topic.stamps
 

@@ -80,7 +80,6 @@ class Observation:
     #: What the ROS graph shows; of a bag, its topics.
     around: Surroundings = field(default_factory=Surroundings)
     end: int = 0  #: the end of the observation (ns), on the clock of the stamps; 0: not known
-    stamp_clock: Optional[StampClock] = None  #: of a live system: the clock of the stamps
     #: Of a live system, by publisher: by how much the clock of its computer is ahead of this one
     #: (ns), as far as the dates of its messages tell.
     ahead: Mapping[str, int] = field(default_factory=dict)
@@ -198,12 +197,17 @@ class Observation:
             topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
             Frames(newest=self.parents))
 
+    @property
+    def stamp_clock(self) -> Optional[StampClock]:
+        """The clock of the stamps; None: it is not known."""
+        return None if 'arrivals' in self.not_known else self.statistics.clock
+
     @cached_property
     def topic_streams(self) -> dict[str, Stream]:
         """By topic with headers: when its messages have arrived, and their stamps."""
-        clock = self.statistics.clock if self.stamp_clock is None else self.stamp_clock
-        return {each.topic: Stream(each.arrivals, each.stamps, None if (
-            'arrivals' in self.not_known) else clock.at(each.arrivals))
+        return {each.topic: Stream(
+            each.arrivals, each.stamps,
+            self.stamp_clock.at(each.arrivals) if self.stamp_clock else None)
             for each in self.message_times}
 
     @cached_property

@@ -89,7 +89,7 @@ class RecentFindings:
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
             other_transforms=other_transforms, not_known={**_NOT_KNOWN, **(
                 {} if end else {'arrivals': 'no message has arrived on /clock'})},
-            end=end, stamp_clock=listener.clock, ahead=listener.ahead))
+            end=end, ahead=listener.ahead))
         self._found = {key: each for key, each in self._found.items() if each[1] > now - _LENGTH}
         self._found.update({(finding.code, finding.frames): (finding, now)
                             for finding in report.findings if finding.code != 'no_transforms'})

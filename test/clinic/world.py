@@ -206,7 +206,7 @@ class World(NamedTuple):
             clocks=clocks, clock_stands=0.0 if self.speed else 20.0, clock_nodes=self.clock_nodes,
             use_sim_time=self.use_sim_time,
             other_transforms=others, around=around,
-            end=self.time(NOW), stamp_clock=clock, ahead={
+            end=self.time(NOW), ahead={
                 gid: 0 for gid, each in zip(nodes, self.senders) if 0.1 < each.offset <= 1.0},
             not_known={} if self.clock != 0.0 else {'arrivals': 'nothing is on /clock'},
             tf_topics=[each.topic for each in others])

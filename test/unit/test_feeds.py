@@ -8,7 +8,6 @@ from puretf._causes.lookups import RULES
 from puretf_tools.doctor import examine
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.robots import Robot
-from puretf_tools.inspection.stamp_clock import StampClock
 
 #: 50 Hz for 2 s.
 ROBOT = [tf(i, i, 'map odom') for i in range(0, 2000, 20)]
@@ -172,7 +171,7 @@ def test_what_to_do_instead_of_waiting(delay, step, shift, remedy):
     """It depends on whether transforms are late, or rare, or the stamps of messages are ahead."""
     content = [tf(i + delay, i, 'odom base') for i in range(0, 20_000, step)]
     messages = [(i, i + shift) for i in range(0, 20_000, 110)]
-    (finding,) = examine(observed(content, messages, stamp_clock=StampClock())).findings
+    (finding,) = examine(observed(content, messages)).findings
     assert finding.code == 'message_early'
     assert finding.remedy.endswith(f'Or {remedy}')
 
@@ -226,8 +225,8 @@ def test_the_clock_of_the_arrivals(shift, code, is_bag, severity):
     content = [tf(i * 20, i * 20 + shift, 'map odom') for i in range(200)]
     for other, is_blamed in (0, False), (1000, True):
         messages = [(i * 20 + 10, i * 20 + shift + other) for i in range(200)]
-        (finding,) = examine(observed(content, messages, 'map', has_record_times=is_bag,
-                                      stamp_clock=StampClock())).findings
+        (finding,) = examine(observed(
+            content, messages, 'map', has_record_times=is_bag)).findings
         assert (finding.code, finding.severity) == (code, 'warning' if is_blamed else severity)
         assert ('Compare the clock of the computer' in finding.remedy) is not is_blamed
 
