@@ -31,7 +31,7 @@ from puretf._text.similar_names import is_slip, near_names, suggest_names
 from puretf._text.times import exact_time
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
-from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, SHORTEST_GAP
+from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, PERIODS, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.robots import joint_states_of
@@ -975,12 +975,19 @@ def _has_gap(track: Track) -> bool:
 
 def _is_pause(observation: Observation, track: Track) -> bool:
     """Return whether nothing else has arrived during the largest step of a track, either."""
-    if track.stream.has_many_gaps:
-        return False
-    before, after = track.stream.arrivals_at_step
-    slack = max(SHORTEST_GAP, track.stream.period)
-    return any(begin - before <= slack and after - end <= slack
-               for begin, end in observation.pauses)
+    begin, end = track.stream.arrivals_at_step
+    slack, paused = max(SHORTEST_GAP, round(track.stream.period)), set[str]()
+    streams = [(observation.node_of(each) or f'{id(each.stream)}', each.stream)
+               for each in observation.tracks] + [
+        (node, stream) for topic, stream in observation.topic_streams.items()
+        for node in observation.senders.get(topic) or [topic]]
+    for node, stream in streams:
+        i, j = stream.arrivals.searchsorted([begin + slack, end - slack])
+        if i < j:
+            return False
+        if 0 < i < len(stream.arrivals) and end - begin > PERIODS * stream.period:
+            paused.add(node)
+    return len(paused) > 1 and not track.stream.has_many_gaps
 
 
 @_check('message_early', 'Wait for the transforms, or make the publisher send them sooner, or '

@@ -15,7 +15,7 @@ from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, NONE, Publisher, Surroundings
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
-from puretf_tools.doctor.stream import PERIODS, STALLED, Stream
+from puretf_tools.doctor.stream import Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.robots import prefix, Robot
@@ -29,9 +29,6 @@ _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 _FEWEST = 3
 #: The largest number of names in a text.
 SHOWN = 5
-#: A stamp that several transforms have has stalled after this time (ns), and so many periods; and
-#: so long is a pause. The largest number of pauses.
-_PAUSES = 100
 
 
 class Refused(NamedTuple):
@@ -229,29 +226,6 @@ class Observation:
                 stamp = int(stream.stamps[-1])
                 if is_off(offset, stamp, stamp - offset):
                     found[topic.topic] = topic, offset, in_time
-        return found
-
-    @cached_property
-    def pauses(self) -> list[tuple[int, int]]:
-        """The times (ns) in which nothing has arrived, though two nodes send more often."""
-        sources = [({self.node_of(track) for track in tracks} - {''} or {str(number)}, times)
-                   for number, (tracks, times) in enumerate(self.statistics.sources())]
-        sources += [({*self.senders.get(topic, ())} or {topic}, np.array(headers.arrivals))
-                    for topic, headers in self.headers.items() if headers.arrivals]
-        clock = self.statistics.clock
-        known = [(names, at) for names, times in sources if (at := clock.at(times)) is not None]
-        if not known:
-            return []
-        times = np.sort(np.concatenate([times for _, times in known]))
-        lengths, found = np.diff(times), list[tuple[int, int]]()
-        for i in np.argsort(-lengths)[:_PAUSES].tolist():
-            if lengths[i] < STALLED:
-                break
-            begin, end = times[i:i + 2].tolist()
-            names = [names for names, at in known if at.min() <= begin and end <= at.max()
-                     and lengths[i] > PERIODS * (np.ptp(at) - lengths[i]) / len(at)]
-            if len(set().union(*names)) > 1:
-                found.append((begin, end))
         return found
 
     @cached_property

@@ -20,7 +20,7 @@ GAP, SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
 #: some programs send several transforms of a frame at once.
 FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
 #: A stamp that several messages have has stalled after this time (ns), and so many periods.
-STALLED, PERIODS = SECOND, 3
+_STALLED, PERIODS = SECOND, 3
 #: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
 #: and for more than this part of the messages.
 _TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
@@ -222,7 +222,7 @@ class Stream:
         changes = np.flatnonzero(self._all_steps) + 1
         begins, ends = np.append(0, changes), np.append(changes, len(self.stamps))
         spans, numbers = self._times[ends - 1] - self._times[begins], ends - begins
-        has_stalled = (numbers > 2) & (spans >= max(STALLED, PERIODS * self.period))
+        has_stalled = (numbers > 2) & (spans >= max(_STALLED, PERIODS * self.period))
         if not has_stalled.any():
             return None
         i = int(np.where(has_stalled, spans, 0).argmax())
