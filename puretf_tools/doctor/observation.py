@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from operator import itemgetter
 from typing import NamedTuple, Optional
 
@@ -25,8 +24,6 @@ from puretf_tools.robot.observed import RobotsInBag
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
-#: The smallest number of messages of which the clock is judged.
-_FEWEST = 3
 #: The largest number of names in a text.
 SHOWN = 5
 
@@ -233,28 +230,24 @@ class Observation:
         """What a buffer with the default cache refuses of each track, if it refuses anything."""
         found: dict[Track, Refused] = {}
         for tracks in self.by_child.values():
-            tracks = [track for track in tracks if not track.is_static and track['latest']]
-            if not tracks or max(track['latest'] for track in tracks) - min(
-                    track['oldest'] for track in tracks) <= CACHE or (
-                        len(tracks) == 1 and not tracks[0]['backwards']):
+            streams = [track.stream for track in tracks if len(track.stream.stamps)]
+            if not streams or max(each.latest for each in streams) - min(
+                    each.oldest for each in streams) <= CACHE:
                 continue
-            streams = [track.stream for track in tracks]
-            times, stamps = (np.concatenate(each) for each in zip(
-                *((each.arrivals, each.stamps) for each in streams)))
-            numbers = np.repeat(np.arange(len(tracks)), [len(each.stamps) for each in streams])
+            times, stamps, numbers = (np.concatenate(each) for each in zip(*(
+                (track.stream.arrivals, track.stream.stamps,
+                 np.full(len(track.stream.stamps), number))
+                for number, track in enumerate(tracks))))
             order = np.argsort(times, kind='stable')
-            times, stamps, numbers = times[order], stamps[order], numbers[order]
-            begins = [0, *times.searchsorted(sorted(self.clears)).tolist(), len(times)]
-            for begin, end in pairwise(begins):
-                newest = np.maximum.accumulate(stamps[begin:end])
-                is_refused = stamps[begin:end] < newest - CACHE
-                for number, track in enumerate(tracks):
-                    indices = np.flatnonzero(is_refused & (numbers[begin:end] == number))
-                    if len(indices):
-                        newer = newest[indices[-1]]
-                        by = tracks[numbers[begin + int(newest.searchsorted(newer))]]
-                        before = found[track].number if track in found else 0
-                        found[track] = Refused(before + len(indices), int(newer), by)
+            for part in np.split(order, times[order].searchsorted(sorted(self.clears))):
+                newest = np.maximum.accumulate(stamps[part])
+                is_refused = stamps[part] < newest - CACHE
+                for number in np.unique(numbers[part][is_refused]).tolist():
+                    at = np.flatnonzero(is_refused & (numbers[part] == number))
+                    newer, track = newest[at[-1]], tracks[number]
+                    by = tracks[numbers[part][newest.searchsorted(newer)]]
+                    before = found[track].number if track in found else 0
+                    found[track] = Refused(before + len(at), int(newer), by)
         return found
 
     @cached_property
