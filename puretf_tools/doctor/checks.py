@@ -175,7 +175,9 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
 
 def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
     for evidence in RULES[code].find(observation.facts):
-        yield _Fault(evidence.text, (), evidence.frames, evidence.topics, evidence.nodes,
+        tracks = [track for track in observation.tracks
+                  if not {*evidence.frames}.isdisjoint((track.child, *track.parents))]
+        yield _Fault(evidence.text, tracks, evidence.frames, evidence.topics, evidence.nodes,
                      RULES[code].remedy.format(**evidence.values) or None,
                      explains=dict.fromkeys(RULES[code].explains))
 
@@ -788,9 +790,7 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
     there = {name for each in observation.other_transforms
              for names in each.parents.items() for name in names}
     for fault in _found_by('half_namespace', observation):
-        tracks = [track for track in observation.tracks
-                  if not {*(fault.frames or ())}.isdisjoint((track.child, *track.parents))]
-        yield fault._replace(tracks=tracks, explains={**fault.explains, 'unknown_frame': there})
+        yield fault._replace(explains={**fault.explains, 'unknown_frame': there})
 
 
 @_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.',
@@ -809,12 +809,10 @@ def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
             newest = max(sender.offset for sender in found)
             late = [f'; the stamps of {sender.node} are {in_words(newest - sender.offset)} earlier'
                     for sender in found if newest - sender.offset > LATE]
-            codes = ['jump', 'same_stamp', *(
-                ['time_goes_back', 'other_clock', 'late', 'future', 'gap'] if late else [])]
             yield _Fault(
-                f'{_all_of(found)} send {_names(joints)} on {topic}: {_counts(found)} messages'
-                f'{"".join(late)}', (), frames, [topic], [sender.node for sender in found],
-                explains=dict.fromkeys(codes, frames))
+                f'{_counts(found)} send {_names(joints)} on {topic}{"".join(late)}', (), frames,
+                [topic], [sender.node for sender in found],
+                explains=dict.fromkeys((*_OF_STAMPS, 'other_clock'), frames))
 
 
 def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str]) -> list[str]:
@@ -827,14 +825,9 @@ def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str
                      if not track.is_static and observation.node_of(track) in readers]
 
 
-def _all_of(senders: Sequence[Sender]) -> str:
-    names = [sender.node for sender in senders]
-    return (f'{" and ".join(names)} both' if len(names) == 2 else
-            f'{comma_list(names, SHOWN)} all')
-
-
 def _counts(senders: Sequence[Sender]) -> str:
-    return ' and '.join(str(sender.count) for sender in senders)
+    return comma_list(
+        [f'{shortened(each.node)} ({each.count} messages)' for each in senders], SHOWN)
 
 
 @_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or '
@@ -846,10 +839,9 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
         # No stamp can be compared with the time.
         explains = [code for code in CHECKS if code.startswith('message_')]
         yield _Fault(
-            f'{_all_of(senders)} publish /clock: {_counts(senders)} messages, with the last times '
-            f'{times}', (), (), ['/clock'], [sender.node for sender in senders],
-            explains=dict.fromkeys([*explains, 'other_clock', 'time_goes_back', 'late', 'future',
-                                    'gap', 'one_shot', 'slow_clock'], None))
+            f'{_counts(senders)} publish /clock, with the last times {times}', (), (), ['/clock'],
+            [sender.node for sender in senders], explains=dict.fromkeys(
+                [*explains, *_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock'], None))
 
 
 @_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look '
@@ -1161,9 +1153,9 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
             if track.stream.alternates:
                 yield _Fault(
                     f'the stamps of {quoted(track.child)} alternate between two clocks, '
-                    f'{in_words(track["step_back"])} apart', [track], time=int(
-                        track['step_back_at']), code='two_publishers', explains=dict.fromkeys(
-                            ('time_goes_back', 'jump'), (track.child,)))
+                    f'{in_words(track["step_back"])} apart', [track], time=track['step_back_at'],
+                    code='two_publishers',
+                    explains=dict.fromkeys(('time_goes_back', 'jump'), (track.child,)))
         refused = [track for track in tracks if track in observation.refused]
         texts = [_refused_text(observation, refused)] if refused else []
         if worst['backwards']:
@@ -1172,7 +1164,9 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
                          f'({shortened(worst.child)})')
         yield _Fault('; '.join(texts), tracks, nodes=[
             observation.node_of(observation.refused[track].by) for track in refused],
-            remedy=_REFUSED_REMEDY if refused else '', time=int(worst['step_back_at']))
+            remedy='Restart the nodes that listen, or call clear() of their buffers; before a '
+            'simulation or a bag starts again, stop the nodes that publish its transforms.'
+            if refused else '', time=worst['step_back_at'])
 
 
 def _is_refused_for_another(observation: Observation, track: Track) -> bool:
@@ -1181,11 +1175,6 @@ def _is_refused_for_another(observation: Observation, track: Track) -> bool:
     return refused is not None and refused.by is not track and bool(
         refused.number > _MANY_REFUSED * refused.by['count']
         or not _exist_together(observation, track, refused.by))
-
-
-_REFUSED_REMEDY = (
-    'Restart the nodes that listen, or call clear() of their buffers; before a simulation or a '
-    'bag starts again, stop the nodes that publish its transforms.')
 
 
 def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:

@@ -255,7 +255,7 @@ FAULTY = [
         [DRIVER], clock=NOW / S, clock_nodes=['/a', '/b']),
         [Lookup('odom', 'base_link', ['two_clocks'], ('/a, /b',), at=0.5)],
         after=[{'clock_nodes': ['/a'], 'at': 0.0}],
-        report=['/a and /b both publish /clock: 400 and 400 messages, with the last times ']),
+        report=['/a (400 messages), /b (400 messages) publish /clock, with the last times ']),
     Situation('a simulation, and a node without use_sim_time', World(
         [DRIVER._replace(offset=100.0 - NOW / S)], clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'],
