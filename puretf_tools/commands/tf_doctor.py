@@ -262,7 +262,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
                        if TF_MESSAGE in types and node.count_publishers(topic)],
             not_known=_not_known(listening), left_out=left_out, end=listening.end,
             ahead=listener.ahead, clock_text=listener.clock_text(),
-            clock_stands=clock.stands(), clock_nodes=clock.nodes(), around=around)
+            clock_stands=clock.stands(), around=around)
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:

@@ -31,7 +31,7 @@ from puretf._text.similar_names import is_slip, near_names, suggest_names
 from puretf._text.times import exact_time
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
-from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, PERIODS, SHORTEST_GAP
+from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, PERIODS, SHARE, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.robots import joint_states_of
@@ -41,8 +41,6 @@ SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 _EQUAL = 1e-5
 #: A transform of /tf was sent once if none follows within this time (ns).
 _ONCE = 2 * SECOND
-#: Transforms that are late or from the future are reported if more than this part of them is.
-_SHARE = 0.05
 #: Stamps have a constant lead if its mean is at least this part of the largest; localisation dates
 #: its transforms ahead by less than this (ns).
 _CONSTANT, _MOST_LEAD = 0.8, 5 * SECOND
@@ -388,28 +386,23 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own, and those whose
     # frames differ by numbers only.
-    robots: dict[str, dict[int, dict[str, list[str]]]] = {}
+    robots: dict[str, dict[int, list[tuple[str, str]]]] = {}
     first: dict[tuple[str, ...], int] = {}
     kinds = [first.setdefault(tuple(sorted(re.sub(r'\d+', '', name) for name in tree)), i)
              for i, tree in enumerate(observation.trees)]
-    for topic, headers in observation.own_headers.items():
-        namespace = topic.split('/')[1]
-        for frame in sorted(headers.frames):
-            name = frame.removeprefix('/')
-            if name in observation.tree_of:
-                robot = namespace if name.startswith(f'{namespace}/') else ''
-                trees = robots.setdefault(robot, {})
-                names = trees.setdefault(kinds[observation.tree_of[name]], {})
-                names.setdefault(name, []).append(topic)
+    for frame, topics in observation.topics_of.items():
+        name = frame.removeprefix('/')
+        for topic in topics if name in observation.tree_of else ():
+            namespace = topic.split('/')[1]
+            trees = robots.setdefault(namespace if name.startswith(f'{namespace}/') else '', {})
+            trees.setdefault(kinds[observation.tree_of[name]], []).append((name, topic))
     for trees in robots.values():
-        if len(trees) > 1:
+        parts = [[[*dict.fromkeys(names)] for names in zip(*pairs)] for pairs in trees.values()]
+        if len(parts) > 1:
             yield _Fault(
-                f'headers use frames of {len(trees)} trees: ' + '; '.join(
-                    f'{_names(names)} (root '
-                    f'{_names(observation.roots(observation.trees[i])) or "none"}) on '
-                    f'{_names(dict.fromkeys(chain(*names.values())))}'
-                    for i, names in [*trees.items()][:SHOWN]), (), chain(*trees.values()),
-                [topic for names in trees.values() for topic in chain(*names.values())],
+                f'headers use frames of {len(parts)} trees: ' + '; '.join(
+                    f'{_names(names)} on {_names(topics)}' for names, topics in parts[:SHOWN]), (),
+                chain(*(names for names, _ in parts)), [*chain(*(topics for _, topics in parts))],
                 remedy=observation.missing_part)
 
 
@@ -695,7 +688,7 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
                   'arrive when those of other edges are not kept any more')
         fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
                          f'{_edge_text(observation, edge)} {reason}',
-                         _start_again(observation, observation.dynamic_tracks(edge.child)))
+                         _start_again(_ended_node(observation, observation.newest[edge.child])))
         yield fault._replace(time=int(edge.end))
 
 
@@ -712,7 +705,7 @@ def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
         found = topic.verdicts == verdict
         count = (found & (topic.waits >= least_wait)).sum()
         total = len(found) if verdict is Verdict.ZERO_STAMP else topic.judged
-        if count and count >= _SHARE * total:
+        if count and count >= SHARE * total:
             yield topic, found
 
 
@@ -849,7 +842,8 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
-        nodes, stamps = observation.clock_nodes, [each.stamp for each in observation.clocks]
+        nodes = observation.around.clock_nodes or ()
+        stamps = [each.stamp for each in observation.clocks]
         what = (f'the time on /clock of {_names(nodes)} has stood at {exact_time(stamps[-1])} s'
                 if stamps else f'nothing has arrived on /clock from {_names(nodes)}')
         explains = [code for code in CHECKS if code.startswith('message_')]
@@ -939,7 +933,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
                      f'last {in_words(silence)}, and {_hertz(tracks[0])} before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
-                     remedy=_start_again(observation, tracks),
+                     remedy=_start_again(node),
                      time=min(track['latest'] for track in tracks))
 
 
@@ -953,9 +947,8 @@ def _ended_node(observation: Observation, track: Track) -> str:
     return shortened(node)
 
 
-def _start_again(observation: Observation, tracks: Iterable[Track]) -> str:
-    """Return what to do if the last node that has published a frame has ended; '': it has not."""
-    node = _ended_node(observation, max(tracks, key=itemgetter('last_time')))
+def _start_again(node: str) -> str:
+    """Return what to do if a node has ended; '': it has not."""
     return RULES['gap'].remedy.format(node=node) if node else ''
 
 
@@ -1061,8 +1054,7 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
         severity=WARNING, needs=('arrivals',))
 def _late(observation: Observation) -> Iterator[_Fault]:
     """Find transforms that arrive more than 0.5 s after their stamp."""
-    for tracks in observation.by_publisher(
-            lambda track: _is_frequent(observation, track, 'late')):
+    for tracks in observation.by_publisher(lambda track: track.stream.has_many('late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
         # Stamps of the future can make the mean negative.
         mean = f'{in_words(worst.stream.mean_delay)}, the largest ' if (
@@ -1074,17 +1066,12 @@ def _late(observation: Observation) -> Iterator[_Fault]:
             text, tracks, remedy=_play(observation, tracks))
 
 
-def _is_frequent(observation: Observation, track: Track, field: str) -> bool:
-    return bool(track[field] - track['stalled'] > _SHARE * track['delays'])
-
-
 @_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
         'transforms into the future on purpose (transform_tolerance).',
         'use_sim_time and the wall clock', severity=WARNING, needs=('arrivals',))
 def _future(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are more than 0.1 s later than their arrival."""
-    for tracks in observation.by_publisher(
-            lambda track: _is_frequent(observation, track, 'future')):
+    for tracks in observation.by_publisher(lambda track: track.stream.has_many('future')):
         worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
         text = (f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
                 f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
@@ -1109,9 +1096,11 @@ def _future(observation: Observation) -> Iterator[_Fault]:
 def _of_this_clock(observation: Observation, text: str, tracks: Sequence[Track]
                    ) -> Optional[_Fault]:
     """Return a fault of the clock of the arrivals, if all messages are as far from it."""
-    delays = [track.stream.mean_delay for track in tracks]
-    delays += _usual_ages(observation)
-    if len(delays) == len(tracks) or not max(delays) - min(delays) <= LATE:
+    delays = [each.mean_delay for each in observation.topic_streams.values() if each.delays]
+    if not delays:
+        return None
+    delays += [track.stream.mean_delay for track in tracks]
+    if not max(delays) - min(delays) <= LATE:
         return None
     is_bag = observation.has_record_times
     return _Fault(
@@ -1121,24 +1110,14 @@ def _of_this_clock(observation: Observation, text: str, tracks: Sequence[Track]
         f'{"" if is_bag else ", and look at the network"}.')
 
 
-_FRAMES, _MESSAGES = 'other frames', 'other messages'
+_FRAMES = 'other frames'
 
 
 def _in_time(observation: Observation) -> str:
     """Return what arrives at the time of its stamps: frames, or other messages; '': nothing."""
-    for track in observation.tracks:
-        is_off = any(_is_frequent(observation, track, field)
-                     for field in ('late', 'future', 'foreign'))
-        if track['delays'] and -FUTURE <= track.stream.mean_delay <= LATE and not is_off:
-            return _FRAMES
-    return _MESSAGES if any(
-        -FUTURE <= age <= LATE for age in _usual_ages(observation)) else ''
-
-
-def _usual_ages(observation: Observation) -> list[float]:
-    """Return the median of the ages of the messages of each topic (ns), if it is known."""
-    return [float(np.median(ages[topic.stamps != 0])) for topic in observation.message_times
-            if topic.stamps.any() and (ages := _ages(observation, topic)) is not None]
+    return (_FRAMES if any(track.stream.is_in_time for track in observation.tracks) else
+            'other messages' if any(
+                each.is_in_time for each in observation.topic_streams.values()) else '')
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '

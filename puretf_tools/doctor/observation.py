@@ -80,7 +80,6 @@ class Observation:
     clock_text: str = ''  #: that the clock of the stamps is /clock; '': it is not
     #: For how long (s) the time on /clock has stood at the end, if a node publishes it.
     clock_stands: float = 0.0
-    clock_nodes: Sequence[str] = ()  #: the nodes that publish /clock at the end
     #: The track with the most transforms, if a bag was recorded with another clock than that of
     #: most stamps.
     clock: Optional[Track] = None
@@ -133,24 +132,16 @@ class Observation:
 
     @cached_property
     def trees(self) -> list[list[str]]:
-        """The frames of each tree, in the order of appearance; earlier parents count, too."""
-        neighbours: dict[str, list[str]] = {}
+        """The frames of each tree; earlier parents count, too."""
+        tree_of: dict[str, list[str]] = {}
         for track in self.tracks:
             for parent in track.parents:
-                neighbours.setdefault(parent, []).append(track.child)
-                neighbours.setdefault(track.child, []).append(parent)
-        trees: list[list[str]] = []
-        seen: set[str] = set()
-        for start in neighbours:
-            if start not in seen:
-                seen.add(start)
-                tree = [start]
-                for name in tree:
-                    new = [other for other in neighbours[name] if other not in seen]
-                    seen.update(new)
-                    tree += dict.fromkeys(new)
-                trees.append(tree)
-        return trees
+                small, large = sorted((tree_of.setdefault(name, [name])
+                                       for name in (parent, track.child)), key=len)
+                if small is not large:
+                    large += small
+                    tree_of.update(dict.fromkeys(small, large))
+        return [*{id(tree): tree for tree in tree_of.values()}.values()]
 
     @cached_property
     def tree_of(self) -> dict[str, int]:

@@ -12,6 +12,8 @@ from puretf._causes.facts import OTHER_CLOCK
 #: What arrives more than `LATE` (ns) after its stamp is late; if its stamp is more than `FUTURE`
 #: (ns) after its arrival, it is from the future.
 LATE, FUTURE = SECOND // 2, SECOND // 10
+#: What is said of at least this part of the messages is reported.
+SHARE = 0.05
 #: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
 #: `SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are at
 #: least the part `_JITTER` of all steps, and at least `_FEWEST_GAPS`.
@@ -102,6 +104,15 @@ class Stream:
     @cached_property
     def future(self) -> int:
         return int(((self._delays < -FUTURE) & (self._delays >= -OTHER_CLOCK)).sum())
+
+    def has_many(self, field: str) -> bool:
+        """Return whether many messages, whose stamps do not stand, are 'late', and so on."""
+        return bool(getattr(self, field) - self.stalled > SHARE * self.delays)
+
+    @property
+    def is_in_time(self) -> bool:
+        return -FUTURE <= self.mean_delay <= LATE and not any(
+            map(self.has_many, ('late', 'future', 'foreign')))
 
     @cached_property
     def offset(self) -> Optional[int]:

@@ -425,8 +425,8 @@ FAULTY = [
         sensors=[Sensor(), Sensor('/lamp', '/light', 'lamp')]), [],
         ['disconnected', 'several_trees'], [{'senders': [
             DRIVER, LASER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}],
-        report=['error disconnected: laser, lamp',
-                'frames of 2 trees: laser (root odom) on /scan; lamp (root world) on /light.']),
+        report=['error disconnected: lamp, laser',
+                'headers use frames of 2 trees: lamp on /light; laser on /scan.']),
     Situation('a frame has stopped, and scans wait for it', World(
         [SLAM, DRIVER._replace(end=-8.0), LASER], sensors=[Sensor()]), [],
         ['gap', 'message_never'], [ROBOT]),

@@ -203,7 +203,7 @@ class World(NamedTuple):
             robots=self.robots, joint_senders={
                 topic: [joints(node) for node in nodes]
                 for topic, nodes in self.joint_states.items()},
-            clocks=clocks, clock_stands=0.0 if self.speed else 20.0, clock_nodes=self.clock_nodes,
+            clocks=clocks, clock_stands=0.0 if self.speed else 20.0,
             use_sim_time=self.use_sim_time,
             other_transforms=others, around=around,
             end=self.time(NOW), ahead={
