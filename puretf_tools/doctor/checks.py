@@ -1,12 +1,11 @@
 """The checks: each is a function that looks for one kind of fault in an `Observation`."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import chain, combinations, pairwise
 from math import ceil
 from operator import attrgetter, itemgetter
 import re
-from types import MappingProxyType
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -60,7 +59,7 @@ _REP_105 = 'earth', 'map', 'odom', 'base_link'
 _MOST_ROOTS = 100
 #: The codes of what is judged of stamps, and of the times of other messages.
 _OF_STAMPS = 'late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back'
-_OF_MESSAGES = ('message_other_clock', 'message_too_old', 'message_never', 'message_early')
+_WAITING = 'message_too_old', 'message_never', 'message_early'
 _child_of = attrgetter('child')
 
 
@@ -89,9 +88,9 @@ class _Fault(NamedTuple):
     remedy: Optional[str] = ''  #: '': that of the check; None: nothing
     severity: str = ''  #: '': that of the check
     time: int = 0  #: as `Finding.time`
-    #: The consequences of this fault, which are not reported. By code: the names of the frames or
-    #: nodes; None: all.
-    explains: Mapping[str, Optional[Collection[str]]] = MappingProxyType({})
+    #: The frames or nodes whose faults it explains, if its rule explains any; (): all; None: those
+    #: of the finding.
+    scope: Optional[Collection[str]] = None
     code: str = ''  #: '': that of the check
 
 
@@ -108,15 +107,12 @@ def _same(code: str) -> tuple[str, str, str]:
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
     """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
     findings: list[Finding] = []
-    explained: list[tuple[str, Optional[Collection[str]]]] = []
+    explained: list[tuple[Collection[str], set[str]]] = []  # codes, and names
     for check in known(CHECKS.values(), observation.not_known):
-        if check.code in ignored:
-            continue
-        for fault in check.find(observation):
-            rule = CHECKS[fault.code] if fault.code else check
+        for fault in check.find(observation) if check.code not in ignored else ():
+            rule = CHECKS[fault.code or check.code]
             if rule.code in ignored:
                 continue
-            explained += fault.explains.items()
             frames, topics, nodes = (tuple(dict.fromkeys(filter(None, names))) for names in (
                 map(_child_of, fault.tracks) if fault.frames is None else fault.frames,
                 (*fault.topics, *(observation.topics[track.is_static] for track in fault.tracks)),
@@ -125,14 +121,19 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 rule.code, fault.severity or rule.severity, frames, topics, nodes, fault.evidence,
                 rule.remedy if fault.remedy == '' else fault.remedy or '', rule.section,
                 fault.time))
+            names = {*(frames or nodes if fault.scope is None else fault.scope)}
+            of_messages = [code for code in rule.explains if code.startswith('message_')]
+            explained.append((rule.explains, names))
+            if of_messages:
+                explained.append((of_messages, observation.below(names)))
     return sorted((finding for finding in findings if not any(
-        finding.code == code and _is_among(finding, names) for code, names in explained)),
+        finding.code in codes and _is_among(finding, names) for codes, names in explained)),
         key=lambda finding: SEVERITIES.index(finding.severity))
 
 
-def _is_among(finding: Finding, names: Optional[Collection[str]]) -> bool:
-    return names is None or any(
-        each and {*each} <= {*names} for each in (finding.frames, finding.nodes))
+def _is_among(finding: Finding, names: Collection[str]) -> bool:
+    return not names or not (finding.frames or finding.nodes) or any(
+        each and {*each}.issubset(names) for each in (finding.frames, finding.nodes))
 
 
 def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list[str]:
@@ -176,8 +177,7 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
         tracks = [track for track in observation.tracks
                   if not {*evidence.frames}.isdisjoint((track.child, *track.parents))]
         yield _Fault(evidence.text, tracks, evidence.frames, evidence.topics, evidence.nodes,
-                     RULES[code].remedy.format(**evidence.values) or None,
-                     explains=dict.fromkeys(RULES[code].explains))
+                     RULES[code].remedy.format(**evidence.values) or None)
 
 
 for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
@@ -223,7 +223,7 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
 
 
 @_check('many_publishers', 'Create the broadcaster once, with the node, and not in the callback '
-        'of a timer.', 'Other faults', needs=('nodes',))
+        'of a timer.', 'Other faults', needs=('nodes',), explains=('no_transforms', 'gap'))
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that create publishers again and again: what they send first can be lost."""
     for (node, topic), publishers in observation.recreated.items():
@@ -239,11 +239,11 @@ def _many_publishers(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(
             f'{len(publishers)} publishers, one after another{where}{how}', (), frames, [topic],
             [node], 'Look at the log of the node: does it end, and is it started again? If not, '
-            'create its broadcaster once.' if how else '', WARNING if how else '',
-            explains={'no_transforms': None, **({'gap': frames} if how else {})})
+            'create its broadcaster once.' if how else '', WARNING if how else '')
 
 
-@_check(*_same('changing_parent'))
+@_check(*_same('changing_parent'), explains=(
+    'static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', 'gap'))
 def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     """Find frames whose parent changes, and with it the shape of the tree."""
     for child, tracks in observation.by_child.items():
@@ -257,9 +257,7 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
                          remedy='If it was not handed over on purpose, let only one parent be '
                          f'published for {quoted(child)}.' if is_handed else
                          _of_frame('changing_parent', observation, tracks),
-                         severity=INFO if is_handed else '', explains=dict.fromkeys(
-                             ('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', *(
-                                 ['gap'] if is_handed and len(tracks) > 1 else [])), (child,)))
+                         severity=INFO if is_handed else '')
 
 
 def _by(observation: Observation, track: Track) -> str:
@@ -346,11 +344,14 @@ def _is_no_place(observation: Observation, frame: str) -> bool:
 
 @_check('joint_without_state', 'Send its position on the topic joint_states, with the time, and '
         'under the name that the description gives it; joint_state_publisher does this.',
-        'A frame does not exist')
+        'A frame does not exist',
+        explains=('link_without_transform', 'no_transforms'))
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
     """Find movable joints without joint states; the links below them are cut off."""
     if found := [*_found_by('joint_without_state', observation)]:
-        yield from found
+        yield from (fault._replace(scope=[
+            start + link for robot, start in observation.own_robots for link in robot.links])
+            for fault in found)
         return
     for robot, start in observation.own_robots:
         topic = joint_states_of(robot.topic)
@@ -371,12 +372,11 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
                     silent.setdefault(f'on {topic} only in messages that {why}, which '
                                       'robot_state_publisher ignores', []).append(joint)
         for where, joints in silent.items():
+            frames = [start + link for joint in joints for link in robot.joints[joint]]
             yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
-                         f'{_names(joints)}', (), [start + link for joint in joints
-                                                   for link in robot.joints[joint]], [topic],
-                         remedy=remap(topic, others[0]) if others else '', explains={
-                             'link_without_transform': [start + link for link in robot.links],
-                             'no_transforms': None} if others else {})
+                         f'{_names(joints)}', (), frames, [topic],
+                         remedy=remap(topic, others[0]) if others else '',
+                         scope=[start + link for link in robot.links] if others else None)
 
 
 @_check('disconnected', 'Publish a transform between the trees.', 'Two unconnected trees',
@@ -451,7 +451,8 @@ def _share(tracks: Sequence[Track], field: str) -> str:
             f'{_names(map(_child_of, tracks))}')
 
 
-@_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock')
+@_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock',
+        explains=('late', 'future', 'gap', *_WAITING))
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find stamps of another clock: far from the arrival, or off while others are in time."""
     # If one such stamp makes others old, `time_goes_back` says it.
@@ -467,9 +468,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(
             _step_text(tracks) + ('' if 'arrivals' in observation.not_known else
                                   f'; before it, they are {before}, and after it {after}'),
-            tracks, severity=WARNING if after == _IN_TIME else '', explains={
-                **dict.fromkeys(('late', 'future', 'gap'), children),
-                **_of_messages(observation, tracks)},
+            tracks, severity=WARNING if after == _IN_TIME else '',
             time=worst.stream.largest_step[1])
     told |= stepped
     if observation.clock:
@@ -483,9 +482,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{_share(tracks, "foreign")} with stamps up to {apart(offset, worst["stamp"])} the '
             f'arrival; the last stamp of {shortened(worst.child)} is '
             f'{exact_time(worst["stamp"])}', tracks,
-            remedy=_clock_remedy(observation, worst['stamp'], tracks),
-            explains=_of_messages(observation, tracks) if 2 * total(tracks, 'foreign') > total(
-                tracks, 'delays') else {})
+            remedy=_clock_remedy(observation, worst['stamp'], tracks))
     if 'arrivals' not in observation.not_known and (others := _in_time(observation)):
         for tracks in observation.by_publisher(
                 lambda track: track not in stepped and _off_by(track)):
@@ -494,9 +491,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(
                 f'the stamps of {_names(children)} are {offset} the arrival; {others} are in '
                 'time', tracks,
-                remedy=_synchronise(observation, tracks), explains={
-                    **dict.fromkeys(('late', 'future'), children),
-                    **_of_messages(observation, tracks)})
+                remedy=_synchronise(observation, tracks))
 
 
 def _off_by(track: Track) -> int:
@@ -506,11 +501,6 @@ def _off_by(track: Track) -> int:
         return round(-stream.mean_delay)
     offset = stream.offset or 0
     return offset if -OTHER_CLOCK <= offset < -LATE and known_offset(offset) else 0
-
-
-def _of_messages(observation: Observation, tracks: Iterable[Track]) -> dict[str, set[str]]:
-    """Return what follows for messages in time if transforms are from another clock."""
-    return dict.fromkeys(_OF_MESSAGES[1:], _below(observation, map(_child_of, tracks)))
 
 
 def _step_text(tracks: Sequence[Track]) -> str:
@@ -573,7 +563,8 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
                          f'those of {shortened(clock.child)}', [track])
 
 
-@_check(*_same('nanosec'))
+@_check(*_same('nanosec'), explains=(
+    *_OF_STAMPS, 'two_publishers', 'message_other_clock', *_WAITING))
 def _nanosec(observation: Observation) -> Iterator[_Fault]:
     """Find stamps whose nanosec is not the nanoseconds within the second."""
     found: list[tuple[str, Sequence[str], str, Sequence[str]]] = [
@@ -588,23 +579,12 @@ def _nanosec(observation: Observation) -> Iterator[_Fault]:
                       observation.topic_streams[topic.topic].odd_nanoseconds, topic.frames,
                       topic.topic, observation.senders.get(topic.topic, ())))
     for text, frames, name, nodes in found:
-        is_tf = name in observation.topics
         if text:
-            yield _Fault(
-                f'{text} in stamps of {_names(frames)}', (), frames, [name], nodes, explains={
-                    **{code: frames for code in (*_OF_STAMPS, 'two_publishers') if is_tf},
-                    **dict.fromkeys(_OF_MESSAGES, _below(observation, frames) if is_tf else
-                                    frames)})
+            yield _Fault(f'{text} in stamps of {_names(frames)}', (), frames, [name], nodes)
 
 
-def _below(observation: Observation, frames: Iterable[str]) -> set[str]:
-    """Return frames, and those below them."""
-    found = {*frames}
-    return found | {frame for frame in observation.parents
-                    if not found.isdisjoint(observation.ancestors(frame))}
-
-
-@_check(*_same('frozen_stamp'))
+@_check(*_same('frozen_stamp'), explains=(
+    'same_stamp', 'jump', 'time_goes_back', 'message_other_clock', *_WAITING))
 def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that do not advance; lookups at any other time fail."""
     for tracks in observation.by_publisher(itemgetter('stall')):
@@ -617,10 +597,7 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
             f'{"all " * is_all}{sum(each.number for each in stalls)} transforms of '
             f'{_names(children)} have the stamp{"s" * (len(stamps) > 1)} '
             f'{comma_list([*map(exact_time, stamps)], SHOWN)}{duration}', tracks,
-            severity='' if any(each.is_last for each in stalls) else WARNING, explains={
-                **dict.fromkeys(('same_stamp', 'jump', 'time_goes_back')[:2 + is_all], children),
-                **dict.fromkeys(_OF_MESSAGES if is_all else _OF_MESSAGES[2:],
-                                _below(observation, children))})
+            severity='' if any(each.is_last for each in stalls) else WARNING)
 
 
 @_check('zero_stamp', 'Set the stamp to the time for which the transform is valid; with '
@@ -777,17 +754,18 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
 
 
 @_check('half_namespace', 'Remap both /tf and /tf_static in all nodes of the robot, or in none '
-        'of them.', RULES['half_namespace'].section)
+        'of them.', RULES['half_namespace'].section, explains=(
+            *RULES['half_namespace'].explains, 'unknown_frame'))
 def _half_namespace(observation: Observation) -> Iterator[_Fault]:
     """Find transforms in another namespace that continue the tree."""
     there = {name for each in observation.other_transforms
              for names in each.parents.items() for name in names}
     for fault in _found_by('half_namespace', observation):
-        yield fault._replace(explains={**fault.explains, 'unknown_frame': there})
+        yield fault._replace(scope=there | observation.tree_of.keys())
 
 
 @_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.',
-        'Two nodes on /joint_states or /clock')
+        'Two nodes on /joint_states or /clock', explains=(*_OF_STAMPS, 'other_clock'))
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that send the position of the same joint, which jumps."""
     for topic, all_senders in observation.joint_senders.items():
@@ -804,8 +782,7 @@ def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
                     for sender in found if newest - sender.offset > LATE]
             yield _Fault(
                 f'{_counts(found)} send {_names(joints)} on {topic}{"".join(late)}', (), frames,
-                [topic], [sender.node for sender in found],
-                explains=dict.fromkeys((*_OF_STAMPS, 'other_clock'), frames))
+                [topic], [sender.node for sender in found])
 
 
 def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str]) -> list[str]:
@@ -823,22 +800,22 @@ def _counts(senders: Sequence[Sender]) -> str:
         [f'{shortened(each.node)} ({each.count} messages)' for each in senders], SHOWN)
 
 
-@_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or '
-        'play the bag without --clock.', 'Two nodes on /joint_states or /clock')
+@_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or play '
+        'the bag without --clock.', 'Two nodes on /joint_states or /clock', explains=(
+            *_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock', 'message_other_clock',
+            *_WAITING))
 def _two_clocks(observation: Observation) -> Iterator[_Fault]:
     """Find two nodes that publish /clock, so that the time jumps back and forth."""
     if senders := rivals(observation.clocks):
         times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
-        # No stamp can be compared with the time.
-        explains = [code for code in CHECKS if code.startswith('message_')]
         yield _Fault(
             f'{_counts(senders)} publish /clock, with the last times {times}', (), (), ['/clock'],
-            [sender.node for sender in senders], explains=dict.fromkeys(
-                [*explains, *_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock'], None))
+            [sender.node for sender in senders], scope=())
 
 
 @_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look '
-        'at the node that publishes /clock.', 'use_sim_time and the wall clock', severity=WARNING)
+        'at the node that publishes /clock.', 'use_sim_time and the wall clock', severity=WARNING,
+        explains=(*_OF_STAMPS, 'frozen_stamp', 'zero_stamp', 'one_shot', *_WAITING))
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
@@ -846,14 +823,12 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
         stamps = [each.stamp for each in observation.clocks]
         what = (f'the time on /clock of {_names(nodes)} has stood at {exact_time(stamps[-1])} s'
                 if stamps else f'nothing has arrived on /clock from {_names(nodes)}')
-        explains = [code for code in CHECKS if code.startswith('message_')]
         yield _Fault(
-            f'{what} for {observation.clock_stands:.1f} s', (), (), ['/clock'], nodes,
-            explains=dict.fromkeys([*explains, 'frozen_stamp', 'gap', 'late', 'one_shot', *(
-                ['zero_stamp'] if stamps[-1:] == [0] else [])], None))
+            f'{what} for {observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
 
 
-@_check(*_same('use_sim_time_differs'), severity=WARNING)
+@_check(*_same('use_sim_time_differs'), severity=WARNING,
+        explains=('other_clock', 'message_other_clock'))
 def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     """Find nodes on different clocks: use_sim_time is true in some only."""
     answers = observation.use_sim_time
@@ -873,8 +848,7 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
         (), others,
         severity=ERROR if foreign else INFO if is_harmless else '',
         # Those with the simulated clock are found if this node does not use it.
-        explains=dict.fromkeys(
-            ['other_clock', 'message_other_clock'], [*foreign, *using] if foreign else []))
+        scope=[*foreign, *using] if foreign else others)
 
 
 def _needs_time(observation: Observation, node: str) -> bool:
@@ -1020,8 +994,9 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
 def _jump(observation: Observation) -> Iterator[_Fault]:
     """Find frames that move ten times as fast from one pose to the next as they do otherwise."""
     for track in observation.tracks:
-        if len(track.stream.steps) >= FEWEST and track['jump'] >= SMALLEST_JUMP and (
-                track['largest_speed'] > JUMP * track['usual_speed']):
+        if len(track.stream.steps) >= FEWEST and not track.stream.alternates and (
+                track['jump'] >= SMALLEST_JUMP
+                and track['largest_speed'] > JUMP * track['usual_speed']):
             yield _Fault(
                 f'{track["jumps"]} of {track["count"]} transforms of {shortened(track.child)} '
                 f'jump; at {exact_time(track["jump_at"])}, by {track["jump"]:.3g} (m plus rad), '
@@ -1036,7 +1011,7 @@ def _is_localisation(track: Track) -> bool:
         parent.rpartition('/')[2] == 'map' for parent in track.parents)
 
 
-@_check(*_same('one_shot'), severity=WARNING)
+@_check(*_same('one_shot'), severity=WARNING, explains=('message_never',))
 def _one_shot(observation: Observation) -> Iterator[_Fault]:
     """Find frames that were sent once on /tf, so that they are in the past of all others."""
     end = observation.until
@@ -1045,8 +1020,7 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
             and track['last_time'] and end - track['last_time'] > _ONCE}
     for tracks in observation.by_publisher(once.__contains__):
         yield _Fault(f'one transform of {_names(map(_child_of, tracks))} in '
-                     f'{in_words(end - tracks[0]["last_time"])}', tracks, explains={
-                         'message_never': _below(observation, [*map(_child_of, tracks)])})
+                     f'{in_words(end - tracks[0]["last_time"])}', tracks)
 
 
 @_check('late', 'Look at the node that publishes the frame and at the network: one of them is '
@@ -1125,16 +1099,14 @@ def _in_time(observation: Observation) -> str:
         severity=WARNING)
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are earlier than those before; listeners may refuse them."""
-    for tracks in observation.by_publisher(lambda track: track['backwards'] or (
-            _is_refused_for_another(observation, track))):
+    for track in observation.tracks:
+        if track.stream.alternates:
+            yield _Fault(f'the stamps of {quoted(track.child)} alternate between two clocks, '
+                         f'{in_words(track["step_back"])} apart', [track],
+                         time=track['step_back_at'], code='two_publishers')
+    for tracks in observation.by_publisher(lambda track: not track.stream.alternates and (
+            track['backwards'] or _is_refused_for_another(observation, track))):
         worst = max(tracks, key=itemgetter('step_back'))
-        for track in tracks:
-            if track.stream.alternates:
-                yield _Fault(
-                    f'the stamps of {quoted(track.child)} alternate between two clocks, '
-                    f'{in_words(track["step_back"])} apart', [track], time=track['step_back_at'],
-                    code='two_publishers',
-                    explains=dict.fromkeys(('time_goes_back', 'jump'), (track.child,)))
         refused = [track for track in tracks if track in observation.refused]
         texts = [_refused_text(observation, refused)] if refused else []
         if worst['backwards']:
@@ -1220,7 +1192,7 @@ def _similar_name(observation: Observation) -> Iterator[_Fault]:
                     [track for track in observation.tracks if root in track.parents], [root, name])
 
 
-@_check(*_same('part_prefix'))
+@_check(*_same('part_prefix'), explains=('several_trees', 'disconnected'))
 def _part_prefix(observation: Observation) -> Iterator[_Fault]:
     """Find robots of whose frames only a part has a prefix."""
     for tree, other in combinations(observation.trees[:_MOST_ROOTS], 2):
@@ -1228,7 +1200,7 @@ def _part_prefix(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(part_prefix_text(names), [
                 track for track in observation.tracks
                 if not {track.child, *track.parents}.isdisjoint(names)], names,
-                explains=dict.fromkeys(('several_trees', 'disconnected')))
+                scope=observation.tree_of)
 
 
 def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:

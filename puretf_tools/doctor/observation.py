@@ -317,6 +317,11 @@ class Observation:
             found[name] = None
         return [*found]
 
+    def below(self, frames: Collection[str]) -> set[str]:
+        """Return frames, and those below them."""
+        return {*frames, *(frame for frame in self.parents
+                           if not {*self.ancestors(frame)}.isdisjoint(frames))}
+
     def by_publisher(self, is_wanted: Callable[[Track], object]) -> list[list[Track]]:
         """Group the tracks that meet a condition by publisher and topic."""
         groups: dict[tuple[str, bool], list[Track]] = {}
