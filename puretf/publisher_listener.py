@@ -76,8 +76,6 @@ class _GidSource(SubscriptionSource):
         self._kept.add(messages)
         batches: list[BatchOrRows] = []
         for gid, group in groupby(messages, attrgetter('publisher')):
-            if gid and not self._takers[subscription].has_gids:
-                self._publishers.add_unknown(gid, subscription.name)
             batches += subscription.reader.read(group, gid, subscription.is_static)
         return batches
 
@@ -93,7 +91,7 @@ class PublisherListener(TransformListener):
     A TransformListener that knows which node has published the newest transform of a frame.
 
     With some middleware, the number that arrives with a message is not the gid of any publisher in
-    the ROS graph. Then the node is known only if no other node has published on the topic.
+    the ROS graph. Then the node is not known.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -164,9 +162,7 @@ class PublisherListener(TransformListener):
         Return the full names of the publishers' nodes.
 
         :param gids: the gids of the publishers, in hex.
-        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`. If the middleware
-            does not report gids: to the name of the only node that has published on the topic, or
-            to a text such as 'one of /a, /b'.
+        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`.
         """
         return self._publishers.names_of(gids)
 

@@ -4,16 +4,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import currentframe
 import os
-import sys
 from time import time_ns
 from traceback import walk_stack
-from types import FrameType
-from typing import Optional
 from weakref import WeakKeyDictionary
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
-from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -28,8 +25,8 @@ from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: By node: the child frames that its broadcasters of dynamic transforms have sent.
 broadcast: WeakKeyDictionary[Node, set[str]] = WeakKeyDictionary()
-#: The name of the type JointState, and the largest number of its topics.
-JOINT_STATE, _MOST_JOINT_TOPICS = 'sensor_msgs/msg/JointState', 20
+#: The name of the type JointState.
+JOINT_STATE = 'sensor_msgs/msg/JointState'
 #: The settings with which ROS does not look for other machines.
 _HIDE_OTHERS = (('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'),
                 ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF'), ('ROS_LOCALHOST_ONLY', '1'))
@@ -68,7 +65,7 @@ def surroundings(
         for each in subscriptions for info in node.get_publishers_info_by_topic(each.topic_name)]
     clock, domain = node.get_clock(), node.context.get_domain_id()
     joint_topics = [topic for topic, types in node.get_topic_names_and_types()
-                    if JOINT_STATE in types][:_MOST_JOINT_TOPICS]
+                    if JOINT_STATE in types]
     nodes = {topic: nodes_on(node, topic) for topic in (*joint_topics, '/clock')}
     return Surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
@@ -112,13 +109,13 @@ def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
 def blocked_nodes(node: Node) -> dict[str, Blocked]:
     """Return the nodes whose callbacks wait until this thread goes on, each with the reason."""
     nodes = [node]
-    callers = _in_executors(currentframe())
-    executor = next((each for frame in callers if isinstance(
-        each := frame.f_locals.get('self'), Executor)), None)
+    callers = [frame.f_locals for frame, _ in walk_stack(currentframe())
+               if frame.f_globals.get('__name__') == 'rclpy.executors']
+    executor = next((each['self'] for each in callers if isinstance(
+        each.get('self'), Executor)), None)
     if not callers:
-        if node.executor is not None and (
-                not isinstance(node.executor, (SingleThreadedExecutor, MultiThreadedExecutor))
-                or _is_spinning(node.executor)):
+        # `rclpy.spin_once` removes the node from the executor, which stays that of the node.
+        if node.executor is not None and node in node.executor.get_nodes():
             return {}
         why, remedy = 'cannot while nothing spins it', 'Spin it in a thread.'
     elif isinstance(executor, SingleThreadedExecutor):
@@ -126,8 +123,7 @@ def blocked_nodes(node: Node) -> dict[str, Blocked]:
         why, remedy = 'cannot while this lookup blocks its executor', (
             'Await lookup_transform_async instead, in a callback group of its own.')
     else:
-        group = next((frame.f_locals['entity'].callback_group for frame in callers
-                      if 'entity' in frame.f_locals), None)
+        group = next((each['entity'].callback_group for each in callers if 'entity' in each), None)
         if isinstance(group, ReentrantCallbackGroup) or {
                 timer.callback_group for timer in node.timers} != {group}:
             return {}
@@ -135,15 +131,3 @@ def blocked_nodes(node: Node) -> dict[str, Blocked]:
             'Put the callback that looks up into a group of its own.')
     return {each.get_fully_qualified_name(): Blocked(why, remedy, broadcast.get(each, ()))
             for each in nodes}
-
-
-def _in_executors(top: Optional[FrameType]) -> list[FrameType]:
-    """Return the calls of a stack that are in rclpy.executors."""
-    return [frame for frame, _ in walk_stack(top)
-            if frame.f_globals.get('__name__') == 'rclpy.executors']
-
-
-def _is_spinning(executor: Executor) -> bool:
-    """Return whether a thread is in a method of an executor."""
-    return any(frame.f_locals.get('self') is executor for top in sys._current_frames().values()
-               for frame in _in_executors(top))

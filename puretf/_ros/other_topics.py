@@ -16,7 +16,7 @@ from puretf._text.names import TF_MESSAGE
 
 #: How long `Ear` listens, the time until it listens again, and between two looks (s).
 _DURATION, _PAUSE, _POLL_INTERVAL = 0.5, 5.0, 0.01
-#: The largest number of topics, and of frames of each publisher.
+#: The largest number of topics; from so many frames of a publisher on, no more are read.
 _MOST_TOPICS, _MOST_FRAMES = 20, 10_000
 #: How many messages of a topic are read at most in each `poll`.
 _DEPTH = 20
@@ -43,20 +43,20 @@ class TransformSampler:
             for data, _ in self._watch.take(topic):
                 parents = by_gid.setdefault(data.publisher, {})
                 with suppress(ValueError):  # malformed
-                    for row in data.rows():
-                        parent, child = (name.removeprefix('/')
-                                         for name in (row.frame_id, row.child_frame_id))
-                        if parent and child and not is_too_long(child) and (
-                                child in parents or len(parents) < _MOST_FRAMES):
+                    for row in data.rows() if len(parents) < _MOST_FRAMES else ():
+                        parent = row.frame_id.removeprefix('/')
+                        child = row.child_frame_id.removeprefix('/')
+                        if parent and child and not is_too_long(child):
                             parents[child] = parent
 
     def heard(self) -> list[Heard]:
         """Return what each publisher has sent."""
         found = []
         for topic, by_gid in self._parents.items():
-            nodes = self._nodes(topic) if by_gid else {}
-            found += [Heard(topic, gid, [nodes[gid]] if gid in nodes else sorted(
-                {*nodes.values()}), parents) for gid, parents in by_gid.items()]
+            nodes = self._nodes(topic)
+            for gid, parents in by_gid.items():
+                names = [nodes[gid]] if gid in nodes else sorted({*nodes.values()})
+                found.append(Heard(topic, gid, names, parents))
         return found
 
     def is_complete(self) -> bool:

@@ -183,8 +183,6 @@ def is_of_executor(callback: Callable[..., Any]) -> bool:
 
 #: RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message.
 _TAKE_FAILED = 401
-#: RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED: the middleware does not number messages.
-_NO_NUMBER = 2**64 - 1
 #: The number of bytes in the gid of a publisher. The `endpoint_gid` of rclpy's `TopicEndpointInfo`
 #: begins with these bytes.
 GID_SIZE = 16
@@ -246,22 +244,17 @@ def rmw_subscription(handle: Any) -> Any:
 class Taker(Generic[_Taken]):
     """An object that takes messages, each with the gid of its publisher, which rclpy hides."""
 
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int, int], _Taken]) -> None:
+    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
         """
         Create the structs into which rcl writes; `rcl_take` must not return None.
 
         :param make: a function that converts the bytes of a message, the gid of the publisher
-            (hex), the times of reception and of sending (ns), and the number that the publisher
-            has given to the message; each is 0 if it is not known.
+            (hex), and the times of reception and of sending (ns); each is 0 if it is not known.
         """
         self._handle, self._make, self._take = handle, make, rcl_take()
-        middleware = get_rmw_implementation_identifier()
-        is_cyclone = middleware == cyclone_dds.IDENTIFIER
+        is_cyclone = get_rmw_implementation_identifier() == cyclone_dds.IDENTIFIER
         self._gid_of = cyclone_dds.gid_translator(
             rmw_subscription(handle).data) if is_cyclone else None
-        #: True if each gid is that of a publisher in the ROS graph, once the graph knows it.
-        #: False if this is not known; a gid still identifies one publisher.
-        self.has_gids = 'fastrtps' in middleware or self._gid_of is not None
         #: False if the time of reception is the time at which the message is taken.
         self.has_reception_times = not is_cyclone
         rcutils = ctypes.PyDLL('librcutils.so')
@@ -284,6 +277,6 @@ class Taker(Generic[_Taken]):
                 messages.append(self._make(
                     ctypes.string_at(written.buffer, written.length),
                     self._gid_of(gid) if self._gid_of else gid, info.received_timestamp,
-                    info.source_timestamp, info.publication_sequence_number % _NO_NUMBER))
+                    info.source_timestamp))
         return messages
 

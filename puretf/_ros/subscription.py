@@ -37,23 +37,23 @@ _LONGEST_PAUSE = 0.1
 #: The rate (messages/s) up to which the thread does not pause.
 _LOW_RATE = 100.0
 #: What a taker passes on, as rclpy names it.
-_TIMES_AND_NUMBER = 'received_timestamp', 'source_timestamp', 'publication_sequence_number'
+_TIMES = 'received_timestamp', 'source_timestamp'
 
 
 class _PlainTaker(Generic[_Taken]):
     """Takes messages as a `Taker` does, but without gids, where rcl cannot be called."""
 
-    has_gids = has_reception_times = False
+    has_reception_times = False
 
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int, int], _Taken]) -> None:
+    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
         self._handle, self._make = handle, make
 
     def take(self, max_messages: int) -> list[_Taken]:
-        return [self._make(data, '', *(info[key] or 0 for key in _TIMES_AND_NUMBER))
+        return [self._make(data, '', *(info[key] or 0 for key in _TIMES))
                 for data, info in take_bytes(self._handle, max_messages)]
 
 
-def taker(handle: Any, make: Callable[[bytes, str, int, int, int], _Taken]
+def taker(handle: Any, make: Callable[[bytes, str, int, int], _Taken]
           ) -> Union[Taker[_Taken], _PlainTaker[_Taken]]:
     """Return what takes messages of a subscription: see `Taker`."""
     return (Taker if rcl_take() else _PlainTaker)(handle, make)
@@ -64,7 +64,6 @@ class TopicSubscription:
 
     def __init__(self, subscription: Subscription, is_static: bool,
                  on_fault: Callable[[Exception], None]) -> None:
-        self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
         self.destroy = subscription.destroy
         self.is_static = is_static

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from time import monotonic, time_ns
-from typing import Any, Optional
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -13,7 +13,6 @@ from puretf._core.pose import Row
 from puretf._ros.graph import gid_of, node_of
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import taker
-from puretf._text.names import comma_list
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
 
@@ -33,7 +32,6 @@ class ReceivedMessage(bytes):
     publisher = ''
     time = 0  #: the time of arrival, on the system clock (ns)
     sent = 0  #: when it was sent, on the system clock of its computer (ns); 0: not known
-    number = 0  #: the number that its publisher has given to it; 0: not known
     is_static = False  #: True if the message is from /tf_static
     encoding: Encoding = cdr
 
@@ -43,12 +41,11 @@ class ReceivedMessage(bytes):
         return self
 
     @classmethod
-    def of(cls, data: bytes, publisher: str = '', time: int = 0, sent: int = 0, number: int = 0
+    def of(cls, data: bytes, publisher: str = '', time: int = 0, sent: int = 0
            ) -> 'ReceivedMessage':
         """Create a message; a time of 0 is replaced by the current time."""
         message = cls(data)
-        message.publisher, message.time = publisher, time or time_ns()
-        message.sent, message.number = sent, number
+        message.publisher, message.time, message.sent = publisher, time or time_ns(), sent
         return message
 
     def rows(self) -> list[Row]:
@@ -75,15 +72,7 @@ class Publishers:
         self.nodes: dict[str, tuple[str, str]] = {}
         #: The gids of the publishers that exist.
         self.present: frozenset[str] = frozenset()
-        #: By gid: the topic, if the gid may never be that of a publisher in the ROS graph.
-        self._unknown: dict[str, str] = {}
         self._next_query = 0.0
-
-    def add_unknown(self, gid: str, topic: str) -> None:
-        """Keep the topic of a publisher, because its gid may never be in the ROS graph."""
-        self._unknown[gid] = topic
-        if len(self._unknown) > _MOST_NAMES:
-            del self._unknown[next(iter(self._unknown))]
 
     def query_if_due(self) -> None:
         """Query every half second, so that the names of nodes that end are known afterwards."""
@@ -107,24 +96,14 @@ class Publishers:
             self.nodes.pop(gid, None)
 
     def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        """Return by gid the full name of the publisher's node, or UNKNOWN."""
         requested = set(gids)
         if not requested <= self.nodes.keys():
             self._query()
-        return {gid: self._name_of(gid) for gid in requested}
-
-    def _name_of(self, gid: str) -> str:
-        if found := self.nodes.get(gid):
-            return found[0]
-        if self.present - self.nodes.keys():  # the node of a publisher is not discovered yet
-            return UNKNOWN
-        topic = self._unknown.get(gid)
-        # Also publishers that are gone: one of them may have sent the message.
-        names = sorted({name for name, each in tuple(self.nodes.values()) if each == topic})
-        return (f'one of {comma_list(names, 5)}' if len(names) > 1 else
-                names[0] if names else UNKNOWN)
+        return {gid: self.nodes.get(gid, (UNKNOWN, ''))[0] for gid in requested}
 
 
-class TopicReader:
+class TopicReader(Publishers):
     """
     A subscription to a topic of any type, whose messages are taken as bytes with their publishers.
 
@@ -145,29 +124,20 @@ class TopicReader:
             node, message_type, topic, lambda _: None, qos, node.default_callback_group)
         self._taker = taker(self._subscription.handle, ReceivedMessage.of)
         self.topic: str = self._subscription.topic_name  #: after remapping
-        #: False if it is not known which publisher has sent a message.
-        self.has_gids = self._taker.has_gids
-        self._publishers = Publishers(node, [topic])
+        super().__init__(node, [topic])
 
-    def take(self, most: Optional[int] = None) -> list[ReceivedMessage]:
-        """Take the messages in the queue, or the oldest ones."""
+    def take(self) -> list[ReceivedMessage]:
+        """Take the messages in the queue."""
         last, self._last_take = self._last_take, time_ns()
-        messages = self._taker.take(self._depth if most is None else most)
+        messages = self._taker.take(self._depth)
         if not self._taker.has_reception_times:
             # They are estimated, since a message may have arrived at any time since the last call.
             for each in messages:
                 self._delay = min(self._delay, each.time - each.sent)
                 each.time = max(last, each.sent + self._delay)
-        if not self.has_gids:
-            for each in messages:
-                each.publisher = ''
-        if any(each.publisher not in self._publishers.nodes for each in messages):
-            self._publishers.query_if_due()
+        if any(each.publisher not in self.nodes for each in messages):
+            self.query_if_due()
         return messages
-
-    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
-        """Return by gid the full name of the publisher's node, or UNKNOWN."""
-        return self._publishers.names_of(gids)
 
     def close(self) -> None:
         self._subscription.destroy()
@@ -207,17 +177,16 @@ class TopicWatch:
                 if self.readers.get(topic, len(self.readers) < self._limit):
                     self._read(topic, message_type)
 
-    def take(self, topic: str, most: Optional[int] = None
-             ) -> Iterator[tuple[ReceivedMessage, bool]]:
+    def take(self, topic: str) -> Iterator[tuple[ReceivedMessage, bool]]:
         """
-        Take the messages of a topic, at most a number from each reader.
+        Take the messages of a topic.
 
         :returns: each with whether it is new; False: it was sent before the reader existed, or the
             other reader has it, too.
         """
         readers = self.readers.get(topic, {})
         for is_latched, reader in readers.items():
-            for message in reader.take(most):
+            for message in reader.take():
                 yield message, not is_latched or (
                     False not in readers and message.sent > reader.begin)
 

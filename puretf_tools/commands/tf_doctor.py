@@ -184,7 +184,8 @@ def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Expla
         why = why_outside(stamp, span) or explanation.why_not
         return explanation._replace(begin=span[0], why_not=why)
     hole, = holes_at(buffer, *ends, np.array([explanation.stamp]))
-    return explanation._replace(begin=span[0], hole=hole.interpolated(span[0]) if hole else '')
+    note = f'. It is {hole.interpolated(span[0])}' if hole else ''
+    return explanation._replace(begin=span[0], note=note)
 
 
 # A live system
@@ -252,10 +253,10 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
             present=listener.present, mismatches=[*_mismatches(node, around)],
-            volatile_listeners=_volatile_listeners(node, static), headers=headers.headers(),
+            volatile_listeners=_volatile_listeners(node, static), headers=headers.headers,
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
-            clocks=clock.senders(), clears=clock.jumps, use_sim_time=survey.use_sim_time(),
+            clocks=clock.senders(), clears=clock.jumps, use_sim_time={**survey.answers},
             tf_listeners=robots.subscribers(dynamic),
             other_transforms=transforms.heard(),
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
@@ -322,7 +323,7 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
     if not explanation.stamp or stamp:
         return explanation
     return explanation._replace(
-        age=_age(now, explanation.stamp) + (f' ({clock})' if clock else ''))
+        note=_age(now, explanation.stamp) + (f' ({clock})' if clock else ''))
 
 
 def _age(now: int, stamp: int) -> str:

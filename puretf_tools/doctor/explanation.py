@@ -1,10 +1,9 @@
 """Explain the path between two frames: its edges, and why they give no transform."""
 
 from collections.abc import Mapping
-from itertools import takewhile
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from puretf import comma_list, exact_time, Frame, in_seconds, shortened, visible
+from puretf import exact_time, Frame, in_seconds, shortened, visible
 from puretf_tools.inspection.bag_times import both
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
@@ -20,51 +19,47 @@ class Explanation(NamedTuple):
     ends: tuple[str, str]
     stamp: int  #: the time of the transform (ns); 0: the path is static
     path: list[Frame]  #: the child of each edge
-    refusals: dict[str, str]  #: by child: why the edge has no pose at the time; '': it has one
-    roots: tuple[str, str]  #: the roots above the two frames; if they meet, the meeting frame
     why_not: str  #: why there is no transform; '': there is one
-    age: str = ''  #: how old the transform is, in words; '': not known
     begin: int = 0  #: the begin of the bag (ns); 0: the frames are live
-    hole: str = ''  #: that the transform is interpolated over a time without data
+    note: str = ''  #: how old the transform is, or that it is interpolated; '': neither
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, as in the JSON of `tf_doctor`."""
-        return {'frames': self.ends, 'time': self.stamp, 'roots': self.roots,
-                'why_not': self.why_not, 'path': [
-                    {**frame._asdict(), 'refusal': self.refusals[frame.name]}
-                    for frame in self.path]}
+        return {'frames': self.ends, 'time': self.stamp, 'why_not': self.why_not, 'path': [
+            {**frame._asdict(), 'refusal': _refusal(frame, self.stamp)} for frame in self.path]}
 
     def __str__(self) -> str:
         """Return the edges, and whether there is a transform."""
         first, second = map(shortened, self.ends)
-        rows = [[f'{shortened(frame.parent)} -> {shortened(frame.name)}',
-                 'static' if frame.is_static else
-                 '?' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz',
-                 '' if frame.is_static else
-                 f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
-                 shortened(frame.authority)] for frame in self.path]
+        rows = []
+        for frame in self.path:
+            hertz = rate_of(frame)
+            rows.append([
+                f'{shortened(frame.parent)} -> {shortened(frame.name)}',
+                'static' if frame.is_static else '?' if hertz is None else f'{hertz:.1f} Hz',
+                '' if frame.is_static else
+                f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
+                shortened(frame.authority)])
         lines = []
+        if rows:
+            lines += [*wrapped(f'The path from {first} to {second}, with the rate, the oldest and '
+                               'the newest stamp, and the publisher of each edge:'), '']
         for line, frame in zip(columns(rows), self.path):
             lines.append(line)
-            if refusal := self.refusals[frame.name]:
+            if refusal := _refusal(frame, self.stamp):
                 lines += wrapped(f'No pose at that time: {refusal}.', '    ')
-        if lines:
-            what = f'The path from {first} to {second}'
-            if self.roots[0] != self.roots[1]:
-                what = f'The edges above {first} and {second}'
-                lines += ['', f'No edge connects {" and ".join(map(shortened, self.roots))}.']
-            lines = [*wrapped(f'{what}, with the rate, the oldest and the newest stamp, and the '
-                              'publisher of each edge:'), '', *lines, '']
-        zero = [shortened(frame.name) for frame in self.path
-                if not (frame.is_static or frame.latest)]
-        stamp = both(self.stamp, self.begin) if self.begin else exact_time(self.stamp)
-        when = (f'at {stamp}' if self.stamp else 'at all times' if not zero
-                else f'only at the time 0, the stamp of {comma_list(zero, 5)}')
-        return '\n'.join([*lines, *wrapped(visible(
-            f'There is no transform from {second} to {first}: {self.why_not}'
-            if self.why_not else
-            f'The transform from {second} to {first} exists {when}{self.age}.'
-            f'{self.hole and f" It is {self.hole}."}'))])
+        if rows:
+            lines.append('')
+        if self.why_not:
+            result = f'There is no transform from {second} to {first}: {self.why_not}'
+        else:
+            when = ('only at the time 0' if not self.stamp and not all(
+                        frame.is_static for frame in self.path) else
+                    'at all times' if not self.stamp else
+                    f'at {both(self.stamp, self.begin)}' if self.begin else
+                    f'at {exact_time(self.stamp)}')
+            result = f'The transform from {second} to {first} exists {when}{self.note}.'
+        return '\n'.join([*lines, *wrapped(visible(result))])
 
 
 def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp: int,
@@ -81,28 +76,21 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
         why_not = buffer.why_not(*ends, stamp)
         frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
                   for frame in buffer.frames()}
-        path, _ = _path(frames, ends)
-        time = stamp or min((frame.latest for frame in path if frame.latest), default=0)
+        time = stamp or min((frame.latest for frame in _path(frames, ends) if frame.latest),
+                            default=0)
         # At this time, frames may have had other parents.
         for frame in buffer.frames(time):
             frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
-    path, roots = _path(frames, ends)
     # The hint about the publishers needs the lock to be free.
-    return Explanation(ends, time, path, {frame.name: _refusal(frame, time) for frame in path},
-                       roots, why_not and (buffer.why_not(*ends, stamp) or why_not))
+    why_not = why_not and (buffer.why_not(*ends, stamp) or why_not)
+    return Explanation(ends, time, _path(frames, ends), why_not)
 
 
-def _path(frames: Mapping[str, Frame], ends: tuple[str, str]
-          ) -> tuple[list[Frame], tuple[str, str]]:
-    """Return the path between two frames, and its roots: the meeting frame twice, if they meet."""
-    chains = [[*self_and_ancestors(name, frames)] for name in ends]
-    first, second = ({name: i for i, name in enumerate(chain)} for chain in chains)
-    # If there is a loop, several frames are in both chains.
-    meeting = min(first.keys() & second.keys(), key=lambda name: first[name] + second[name],
-                  default='')
-    edges = [[frames[name] for name in takewhile(meeting.__ne__, chain) if name in frames]
-             for chain in chains]
-    return [*edges[0], *edges[1][::-1]], (meeting or chains[0][-1], meeting or chains[1][-1])
+def _path(frames: Mapping[str, Frame], ends: tuple[str, str]) -> list[Frame]:
+    """Return the path between two frames, without what is above both; empty within a loop."""
+    up, down = ([*self_and_ancestors(name, frames)] for name in ends)
+    shared = {*up} & {*down}
+    return [frames[name] for name in (*up, *down[::-1]) if name in frames and name not in shared]
 
 
 def _refusal(frame: Frame, stamp: int) -> str:

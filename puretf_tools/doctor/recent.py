@@ -46,7 +46,6 @@ class RecentFindings:
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener = listener
         self._statistics = _Statistics(listener.clock)
-        self._was_simulated = listener.clock.is_simulated
         self._next = self._begin = 0.0  # of the next examination, and of the statistics (s)
         #: By code and frames: the finding, and when it was last found (s).
         self._found: dict[tuple[str, tuple[str, ...]], tuple[Finding, float]] = {}
@@ -62,8 +61,6 @@ class RecentFindings:
         :param now: on the monotonic clock (s).
         """
         begin = thread_time()
-        if self._was_simulated != (simulated := self._listener.clock.is_simulated):
-            self._was_simulated, self._found = simulated, {}
         if not is_complete or now >= self._begin + _LENGTH:
             # Begin again with the last transforms of each frame: some are sent seldom, or once.
             before, self._begin = self._statistics.last, now
@@ -84,11 +81,11 @@ class RecentFindings:
         listener, statistics = self._listener, self._statistics
         static, dynamic = listener.topics
         end = listener.now()
+        not_known = {} if end else {'arrivals': 'no message has arrived on /clock'}
         report = examine(Observation(
             statistics, '', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
-            other_transforms=other_transforms, not_known={**_NOT_KNOWN, **(
-                {} if end else {'arrivals': 'no message has arrived on /clock'})},
+            other_transforms=other_transforms, not_known=_NOT_KNOWN | not_known,
             end=end, ahead=listener.ahead))
         self._found = {key: each for key, each in self._found.items() if each[1] > now - _LENGTH}
         self._found.update({(finding.code, finding.frames): (finding, now)

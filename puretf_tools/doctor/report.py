@@ -1,7 +1,7 @@
 """The report of all checks."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 import os
 from typing import Any, NamedTuple, Union
 
@@ -11,7 +11,7 @@ from puretf.bag import open as open_bag
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked
 from puretf_tools.doctor.message_times import Verdict
 from puretf_tools.doctor.observation import Observation, observe_bag, SHOWN
-from puretf_tools.inspection.terminal import wrapped
+from puretf_tools.inspection.terminal import columns, wrapped
 
 
 class Report(NamedTuple):
@@ -53,10 +53,9 @@ class Report(NamedTuple):
                 lines += wrapped(visible(text), '    ') if text else []
             lines.append('')
         if self.topics:
-            lines += [*_table(self.topics), '']
-        notes = [*(f'not checked: {text}' for text in self.not_checked), self.clock]
-        for text in filter(None, notes):
-            lines += wrapped(visible(text))
+            lines += [*columns([*_rows(self.topics)]), '']
+        for text in (*(f'not checked: {text}' for text in self.not_checked), self.clock):
+            lines += wrapped(visible(text)) if text else []
         return '\n'.join([*lines, *[''] * bool(self.not_checked), self.verdict])
 
 
@@ -119,21 +118,16 @@ def check_codes(codes: Collection[str]) -> None:
                 f'unknown code {code!r}. {suggest_names(code, tuple(CHECKS), "codes")}')
 
 
-def _table(topics: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines of a table with a row for each topic."""
-    rows: list[tuple[str, ...]] = [
-        ('messages at their stamps', 'number', 'at once', 'after waiting', 'median', '95 %',
-         'largest', 'never', 'queue')]
+def _rows(topics: Sequence[dict[str, Any]]) -> Iterator[Sequence[str]]:
+    """Yield the rows of a table, one for each topic."""
+    yield ('messages at their stamps', 'number', 'at once', 'after waiting', 'median', '95 %',
+           'largest', 'never', 'queue')
     for topic in topics:
-        waits = (f'{topic[wait]:.3g} s' if topic[wait] else '-' for wait in (
-            'median_wait', 'wait_of_95_percent', 'largest_wait'))
-        rows.append((
-            shortened(topic['topic']), str(topic['messages']), f'{topic["at_once"]:.1%}',
-            f'{topic["waiting"]:.1%}', *waits, f'{topic["never"]:.1%}',
-            str(topic['queue'] or '-')))
-    widths = [max(map(len, column)) for column in zip(*rows)]
-    return ['  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])])
-            for row in rows]
+        waits = [f'{topic[wait]:.3g} s' if topic[wait] else '-' for wait in (
+            'median_wait', 'wait_of_95_percent', 'largest_wait')]
+        yield (shortened(topic['topic']), str(topic['messages']), f'{topic["at_once"]:.1%}',
+               f'{topic["waiting"]:.1%}', *waits, f'{topic["never"]:.1%}',
+               str(topic['queue'] or '-'))
 
 
 def _count(number: int, noun: str) -> str:

@@ -1,12 +1,12 @@
 """Who publishes /clock, and which nodes use it."""
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 import struct
 from time import monotonic, time_ns
 from typing import Any
 
-from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -17,12 +17,13 @@ from puretf_tools.inspection.feeds import Sender, Senders
 from puretf_tools.inspection.stamp_clock import StampClock
 
 TOPIC = '/clock'
-#: The time between two searches for nodes (s), each of which asks those that have not answered.
+#: The time between two searches for nodes (s), each of which asks those of the last one that have
+#: not answered.
 _SCAN_INTERVAL = 1.0
 #: A time that has not changed for this long (s) stands.
 _STANDS = 3.0
-#: The largest number of nodes that are asked, and of jumps back that are kept.
-_MOST_NODES, _MOST_JUMPS = 50, 1000
+#: The largest number of jumps back that are kept.
+_MOST_JUMPS = 1000
 #: Programs that show or record what others send; it does not matter which clock they use.
 _TOOLS = ('rviz', 'rqt', 'rosbag2', 'foxglove', 'rosbridge', 'transform_listener_impl', 'tf2_echo',
           'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view', '_')
@@ -36,15 +37,15 @@ class ClockSampler:
     """A subscription to /clock, and the clock of the stamps."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe."""
         self._node, self.clock = node, StampClock()
         self._reader = TopicReader(node, Clock, TOPIC, 200)
         self._senders, self._last, self._moved = Senders(), -1, time_ns()
-        self.jumps: list[int] = []  #: when the time has jumped back (ns, on the system clock)
+        #: When the time has jumped back (ns, on the system clock).
+        self.jumps = deque[int](maxlen=_MOST_JUMPS)
 
     def senders(self) -> list[Sender]:
-        """Return the publishers that have sent; none if it is not known who has sent what."""
-        return self._senders.named(self._reader.names_of) if self._reader.has_gids else []
+        """Return the publishers that have sent."""
+        return self._senders.named(self._reader.names_of)
 
     def nodes(self) -> list[str]:
         """Return the nodes that publish /clock now."""
@@ -64,7 +65,7 @@ class ClockSampler:
             stamp = seconds * SECOND + nanoseconds
             self._senders.add(message.publisher, message.time, stamp)
             self.clock.add(message.time, stamp)
-            if stamp < self._last and len(self.jumps) < _MOST_JUMPS:
+            if stamp < self._last:
                 self.jumps.append(message.time)
             if stamp != self._last:
                 self._last, self._moved = stamp, message.time
@@ -84,29 +85,26 @@ class SimTimeSurvey:
         """
         self._node, self._sampler, self._nodes, self._next = node, sampler, nodes, 0.0
         self._clients: dict[str, Any] = {}
-        self._answers: dict[str, bool] = {}
-
-    def use_sim_time(self) -> dict[str, bool]:
-        """Return by node whether it uses /clock; nodes that have not answered are left out."""
-        own = {sender.node for sender in self._sampler.senders()}
-        return {name: answer for name, answer in dict(self._answers).items()
-                if name not in own}
+        #: By node: whether it uses /clock; nodes that have not answered are left out.
+        self.answers: dict[str, bool] = {}
 
     def poll(self) -> None:
-        if not self._sampler.senders() or monotonic() < self._next:
+        if monotonic() < self._next:
             return
         self._next = monotonic() + _SCAN_INTERVAL
-        for name in self._nodes() - self._clients.keys() - {
-                UNKNOWN, self._node.get_fully_qualified_name()}:
-            if not is_tool(name) and len(self._clients) < _MOST_NODES:
+        publishers = {sender.node for sender in self._sampler.senders()}
+        if not publishers:
+            return
+        own = self._node.get_fully_qualified_name()
+        for name in self._nodes() - publishers - self.answers.keys() - {UNKNOWN, own}:
+            client = self._clients.get(name)
+            if client and client.service_is_ready():
+                client.call_async(GetParameters.Request(
+                    names=['use_sim_time'])).add_done_callback(partial(self._receive, name))
+            elif not client and not is_tool(name):
                 self._clients[name] = self._node.create_client(
                     GetParameters, f'{name}/get_parameters')
-        for name in self._clients.keys() - self._answers.keys():
-            if self._clients[name].service_is_ready():
-                self._clients[name].call_async(GetParameters.Request(
-                    names=['use_sim_time'])).add_done_callback(partial(self._receive, name))
 
     def _receive(self, name: str, answer: Any) -> None:
         for value in answer.result().values:
-            if value.type == ParameterType.PARAMETER_BOOL:
-                self._answers[name] = value.bool_value
+            self.answers[name] = value.bool_value

@@ -29,18 +29,15 @@ class StampClock:
         self.is_simulated = False  #: whether it is /clock
         #: When messages of /clock arrived (ns, on the system clock), and their times (ns).
         self._arrivals, self._times = array('q'), array('q')
-        self._begin = 0  # the index of the first one after the last jump
 
     def add(self, arrival: int, time: int) -> None:
         """Add a message of /clock."""
         if len(self._times) > _MOST:
             del self._arrivals[:_MOST // 2], self._times[:_MOST // 2]
-            self._begin = max(0, self._begin - _MOST // 2)
         if self._times and not 0 <= time - self._times[-1] < OTHER_CLOCK:
             # A jump: until this message, time has stood.
             self._arrivals.append(arrival - 1)
             self._times.append(self._times[-1])
-            self._begin = len(self._times)
         self._arrivals.append(arrival)
         self._times.append(time)
 
@@ -59,14 +56,13 @@ class StampClock:
 
         :param stamps: the newest stamp of each frame (ns).
         """
-        values, system = np.array(stamps, np.int64), self.system()
-        distances = np.abs(system - values)
-        now = self._simulated(np.array([system]))
-        if now is None:
-            return False if 2 * (distances <= SECOND).sum() >= len(values) else None
-        to_clock = np.abs(now - values)
-        fits_clock = (to_clock <= OTHER_CLOCK) & (to_clock + SECOND < distances)
-        fits_system = (distances <= OTHER_CLOCK) & ~fits_clock
+        values, system = np.array(stamps, np.int64), np.array([self.system()])
+        to_system, now = np.abs(system - values), self._simulated(system)
+        fits_clock = np.zeros(len(values), np.bool_)
+        if now is not None:
+            to_clock = np.abs(now - values)
+            fits_clock = (to_clock <= OTHER_CLOCK) & (to_clock + SECOND < to_system)
+        fits_system = (to_system <= OTHER_CLOCK) & ~fits_clock
         if not (fits_clock | fits_system).any():
             return None
         return bool(fits_clock.sum() > fits_system.sum())
@@ -75,11 +71,11 @@ class StampClock:
         if not self._times:
             return None
         known, times = np.array(self._arrivals), np.array(self._times)
-        first = max(self._begin, len(known) - _PACE)
-        steps, span = len(known) - 1 - first, int(known[-1] - known[first])
-        pace, patience = ((times[-1] - times[first]) / span, 2 * span // steps) if span else (
-            1.0, SECOND)
-        after = (arrivals - known[-1]).clip(0, patience)
+        # The median leaves out jumps.
+        period, step = (float(np.median(np.diff(each[-_PACE:]))) if len(each) > 1 else SECOND
+                        for each in (known, times))
+        pace = step / period if period else 1.0
+        after = (arrivals - known[-1]).clip(0, 2 * period)
         before = (known[0] - arrivals).clip(0)
         # Differences, since floats have no room for dates in nanoseconds.
         return np.asarray(times[0] + np.rint(

@@ -134,10 +134,9 @@ class RobotListener:
                 for topic, each in self._descriptions.descriptions().items()]
 
     def senders(self) -> dict[str, Sequence[Sender]]:
-        """Return the senders of joint states by topic; none if it is not known who sends what."""
+        """Return the senders of joint states by topic."""
         return {topic: self._senders[topic].named(reader.names_of)
-                for topic, readers in self._watch.readers.items()
-                for reader in readers.values() if reader.has_gids}
+                for topic, readers in self._watch.readers.items() for reader in readers.values()}
 
     def close(self) -> None:
         self._descriptions.close()

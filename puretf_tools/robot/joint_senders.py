@@ -1,13 +1,11 @@
 """The joints that viewers move: their states are published, or a node is told to hold them."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice
+from collections.abc import Mapping, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING
 
 from puretf import comma_list, full_name, shortened
 from puretf_tools.cli.parser import UsageError
-from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy, TOPIC
 from puretf_tools.robot.joint_positions import JointPositions
@@ -31,7 +29,7 @@ class JointControl:
     can_wave = False  #: whether the robot can move by itself
 
     def __init__(self, topic: str, description: Description) -> None:
-        self.topic, self.warning = topic, ''
+        self.topic = topic
         self.positions = JointPositions(description)
 
     def set_description(self, description: Description) -> None:
@@ -50,15 +48,13 @@ class JointControl:
     def wave(self) -> None:
         """Let the robot move by itself."""
 
-    def take_reported(self) -> None:
-        """Take the positions that the robot has reported last, if it reports them."""
-
 
 class JointControls:
     """The robots whose joints viewers can move; which there are is looked up once a second."""
 
     controls: Sequence[JointControl] = ()
     why_none = ''  #: why there is no control, and what to do
+    warning = ''  #: what is wrong with the controls
     come_first = False  #: whether the sliders are in the first tab
     _next = 0.0
 
@@ -67,8 +63,6 @@ class JointControls:
         if monotonic() >= self._next:
             self._next = monotonic() + _PERIOD
             self._look(descriptions)
-        for control in self.controls:
-            control.take_reported()
 
     def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         raise NotImplementedError
@@ -98,36 +92,28 @@ class JointStatePublisher(JointControls):
         self.why_none = (
             f'No robot description has arrived on {shortened(self._source)}: start '
             'robot_state_publisher FILE, or pass FILE to joint_state_publisher, too.')
-        self._warning = ''
         node.create_timer(1.0 / rate, self._publish)
 
     def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        from puretf.publisher_listener import nodes_on, UNKNOWN
         found = descriptions.get(self._source)
         if isinstance(found, str):
             self.why_none = found
         elif found:
             self.controls = self.controls or [JointControl(self._publisher.topic_name, found)]
             self.controls[0].set_description(found)
-        before, self._warning = self._warning, self._others()
-        if self._warning and not before:
-            self._node.get_logger().warning(self._warning)
-        for control in self.controls:
-            control.warning = self._warning
+        topic, before = self._publisher.topic_name, self.warning
+        others = {*nodes_on(self._node, topic)} - {self._node.get_fully_qualified_name(), UNKNOWN}
+        self.warning = (
+            f'{comma_list(sorted(others), 5, shortened)} publishes on {shortened(topic)}, too: '
+            'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
+            ) if others else ''
+        if self.warning and not before:
+            self._node.get_logger().warning(self.warning)
 
     def _publish(self) -> None:
         for control in self.controls:
             self._publisher.publish(_message(self._node, control.positions.all()))
-
-    def _others(self) -> str:
-        """Return which other nodes publish joint states; '' if there are none."""
-        from puretf.publisher_listener import node_of, UNKNOWN
-        topic, own = self._publisher.topic_name, self._node.get_fully_qualified_name()
-        names = [*map(node_of, self._node.get_publishers_info_by_topic(topic))]
-        others = [name for name in names if name not in (own, UNKNOWN)] + [own] * (
-            names.count(own) - 1)  # another node may have the same name
-        return (f'{comma_list(sorted(others), 5, shortened)} publishes on {shortened(topic)}, '
-                'too: robot_state_publisher takes both, so the robot jumps. End one of the '
-                'publishers.') if others else ''
 
 
 class JointCommander(JointControl):
@@ -153,6 +139,7 @@ class JointCommander(JointControl):
         self._states.close()
 
     def take_reported(self) -> None:
+        """Take the positions that the robot has reported last."""
         now = monotonic()
         for state in filter(None, map(self._reader.read, self._states.take())):
             for name, position in zip(state.name, state.position):
@@ -162,17 +149,17 @@ class JointCommander(JointControl):
     def set(self, name: str, position: float) -> None:
         if name in self.positions.free:
             super().set(name, position)
-            self._send([name])
+            self._send(name)
 
     def centre(self) -> None:
         super().centre()
-        self._send([*self.positions.free])
+        self._send(*self.positions.free)
 
     def wave(self) -> None:
         self._next.clear()
-        self._send([])  # hold no joint
+        self._send()  # hold no joint
 
-    def _send(self, names: Sequence[str]) -> None:
+    def _send(self, *names: str) -> None:
         self._next.update(dict.fromkeys(names, monotonic() + _PATIENCE))
         self._publisher.publish(
             _message(self._node, {name: self.positions[name] for name in names}))
@@ -181,48 +168,39 @@ class JointCommander(JointControl):
 class JointCommanders(JointControls):
     """The nodes that listen to a topic joint_command."""
 
+    why_none = ('No node listens to a topic joint_command. To move the joints of a robot, start '
+                'joint_state_publisher FILE; its own page has the sliders.')
+
     def __init__(self, node: 'Node') -> None:
         self._node = node
         #: By topic, and the namespace of the node that listens to it.
         self._commanders: dict[tuple[str, str], JointCommander] = {}
 
+    def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+        super().update(descriptions)
+        for commander in self._commanders.values():
+            commander.take_reported()
+
     def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        known = {topic: each for topic, each in descriptions.items()
-                 if isinstance(each, Description)}
+        listening = [(info.node_namespace, topic)
+                     for topic, types in self._node.get_topic_names_and_types()
+                     if topic.endswith('/joint_command') and JOINT_STATE in types
+                     for info in self._node.get_subscriptions_info_by_topic(topic)]
         # Others listen, too, such as a recorder; of several, that in the longest namespace counts.
-        namespaces = {
-            topic: namespace for topic, namespace in sorted(
-                islice(self._listening(), _MOST), key=lambda each: (len(each[1]), each[1]))
-            if full_name(namespace, TOPIC) in known}
-        for key in self._commanders.keys() - namespaces.items():
-            self._commanders.pop(key).close()
-        for key in sorted(namespaces.items()):
-            description = known[full_name(key[1], TOPIC)]
-            if key not in self._commanders:
-                self._commanders[key] = JointCommander(self._node, *key, description)
-            self._commanders[key].set_description(description)
+        robots: dict[str, tuple[str, Description]] = {}
+        for namespace, topic in sorted(listening, key=lambda each: len(each[0])):
+            description = descriptions.get(full_name(namespace, TOPIC))
+            if isinstance(description, Description):
+                robots[topic] = namespace, description
+        before, self._commanders = self._commanders, {}
+        for topic, (namespace, description) in sorted(robots.items())[:_MOST]:
+            key = topic, namespace
+            commander = before.pop(key, None) or JointCommander(self._node, *key, description)
+            commander.set_description(description)
+            self._commanders[key] = commander
+        for commander in before.values():
+            commander.close()
         self.controls = [*self._commanders.values()]
-        if not self.controls:
-            self.why_none = self._why_none(descriptions)
-
-    def _why_none(self, descriptions: Iterable[str]) -> str:
-        from puretf.publisher_listener import nodes_on
-        for topic in map(joint_states_of, descriptions):
-            if names := nodes_on(self._node, topic):
-                return (f'{comma_list(names, 5, shortened)} publishes on '
-                        f'{shortened(topic)}: joint_state_publisher has its sliders on its own '
-                        'page; other nodes can be moved if they listen to a topic joint_command.')
-        return ('No node listens to a topic joint_command. To move the joints of a robot, start '
-                'joint_state_publisher FILE.')
-
-    def _listening(self) -> Iterator[tuple[str, str]]:
-        """Yield each topic joint_command with the namespace of each node that listens to it."""
-        from puretf.publisher_listener import node_of, UNKNOWN
-        for topic, _ in sorted(self._node.get_topic_names_and_types()):
-            if topic.endswith('/joint_command'):
-                for info in self._node.get_subscriptions_info_by_topic(topic):
-                    if info.topic_type == JOINT_STATE and node_of(info) != UNKNOWN:
-                        yield topic, info.node_namespace
 
 
 def _message(node: 'Node', positions: dict[str, float]) -> 'JointState':

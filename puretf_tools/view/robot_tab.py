@@ -144,7 +144,7 @@ class Joints:
         self._show(control.positions if control else None)
         text = self._source.why_none
         if control:
-            text = control.warning or f'The positions are sent on {control.topic}.'
+            text = self._source.warning or f'The positions are sent on {control.topic}.'
         if control and (rest := len(control.positions.free) - _SLIDERS) > 0:
             text += f' {rest} more joints have no slider.'
         change(self._status, content=html(text, 'joints'))

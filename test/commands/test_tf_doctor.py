@@ -221,9 +221,7 @@ def test_messages_at_their_stamps(ros):
     for topic in '/scan', '/fast', '/map_point':
         assert table[topic]['at_once'] > 0.8
         assert table[topic]['never'] == 0.0
-    # All messages are counted, but at most 50 a second are read.
     assert table['/fast']['messages'] > 3 * table['/scan']['messages']
-    assert table['/fast']['judged'] < 0.5 * table['/fast']['messages']
     assert table['/early']['waiting'] == 1.0
     # They wait for 0.3 s; how many are sent in this time, the load of the computer decides.
     assert table['/early']['queue'] >= 5
@@ -281,36 +279,19 @@ def test_another_type_beside_transforms(ros):
     assert '/test publishes geometry_msgs/msg/TransformStamped on /tf, not' in output
 
 
-@pytest.mark.parametrize(('error', 'text'), [
-    (ImportError('no file'), 'its type sensor_msgs/msg/JointState cannot be imported'),
-    (OSError('no memory'), 'sensor_msgs/msg/JointState: OSError: no memory')])
-def test_a_type_that_cannot_be_imported(ros, monkeypatch, error, text):
+def test_a_type_that_cannot_be_imported(ros, monkeypatch):
     """Its headers are listed as not checked, with the reason."""
     def fail(name):
         if name == 'sensor_msgs.msg':
-            raise error
+            raise OSError('no memory')
         return import_module(name)
 
     monkeypatch.setattr(header_sampler, 'import_module', fail)
     ros.node.create_publisher(JointState, '/joints', 10)
     point = ros.node.create_publisher(PointStamped, '/point', 10)
     _, data = examine(ros, '--ignore', 'no_transforms', publishers=[point])
-    assert data['not_checked'] == [f'headers on /joints: {text}']
-
-
-def test_a_topic_with_two_types(ros, stranger):
-    """It is listed that not all headers are checked: a node cannot subscribe to both types."""
-    names = '/a', '/b'
-    for node, kind in (ros.node, PointStamped), (stranger.node, JointState):
-        for name in names:
-            node.create_publisher(kind, name, 10)
-    points = [node.create_publisher(PointStamped, name, 10)  # they are discovered later
-              for node, name in ((ros.node, '/y'), (stranger.node, '/z'))]
-    _, output, error = run(ros, '--json', '--ignore', 'no_transforms', publishers=points)
-    assert error == ''
-    assert json.loads(output)['not_checked'] == [
-        f'headers on {name}: only one type is read; its publishers have the types '
-        'geometry_msgs/msg/PointStamped, sensor_msgs/msg/JointState' for name in names]
+    assert data['not_checked'] == ['headers on /joints: its type sensor_msgs/msg/JointState '
+                                   'cannot be imported (OSError: no memory)']
 
 
 def test_joint_states_of_another_type(ros):
@@ -351,7 +332,7 @@ def test_many_publishers_of_which_nothing_arrives(ros):
 
 
 def test_a_middleware_that_does_not_report_gids(ros, other, handles):
-    """Whether a frame has two publishers is not checked; they are named as far as possible."""
+    """Whether a frame has two publishers is not checked; they are not known."""
     static = [StaticTransformBroadcaster(node) for node in (ros.node, other)]
     for x, each in enumerate(static):
         each.sendTransform([stamped('map', '/odom', x=float(x))])
@@ -360,7 +341,7 @@ def test_a_middleware_that_does_not_report_gids(ros, other, handles):
     assert data['not_checked'] == [
         'two_publishers, many_publishers: the ROS graph does not know the publishers of the '
         'transforms']
-    assert {*data['findings'][0]['nodes']} == {'one of /other, /test'}
+    assert {*data['findings'][0]['nodes']} == {'unknown publisher'}
 
 
 def test_malformed_headers(ros):

@@ -300,11 +300,12 @@ def test_a_node_that_nobody_spins(ros, waving):
     assert node.look_up().endswith(nobody)
     node.executor = SingleThreadedExecutor(context=ros.context)
     node.executor.add_node(node.node)
-    assert node.look_up().endswith(nobody)
     ros.until(lambda: node.executor.spin_once(0.05) or node.buffer.can_transform(
         'map', 'base', Time()))
+    node.executor.remove_node(node.node)
     assert node.look_up().endswith(
         f'This node publishes it, and cannot while nothing spins it. Spin it in a thread.{OWN}')
+    node.executor.add_node(node.node)
     thread = threading.Thread(target=node.executor.spin, daemon=True)
     thread.start()
     assert node.buffer.lookup_transform(

@@ -134,31 +134,15 @@ def test_a_publisher_that_ended_before_cyclone_dds_was_asked_is_unknown(
     assert listener.is_present(gid_of(listener, 'a')) is None
 
 
-def test_without_gids_the_only_publisher_of_the_topic_has_sent_it(
-        ros, other, stranger, handles, listener):
-    """The other topic, and publishers of other types, do not matter."""
-    TransformBroadcaster(other)
-    stranger.node.create_publisher(String, '/tf_static', 1)
-    eventually(lambda: [info.node_name for info in ros.node.get_publishers_info_by_topic(
-        '/tf_static')] == ['test'])
+def test_without_gids_the_publisher_is_unknown(ros, handles, listener):
+    """A number identifies each publisher, but it is not in the ROS graph."""
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
-    eventually(lambda: publisher_of(listener, 'a') == '/test')
+    eventually(listener.frames)
+    assert publisher_of(listener, 'a') == UNKNOWN
     gid = gid_of(listener, 'a')
     assert len(handles) == 1
     assert gid not in listener.present
     assert listener.is_present(gid) is None
-
-
-def test_without_gids_it_is_one_of_the_publishers_of_the_topic(ros, other, handles, listener):
-    """Also after the end of one of them, since that one may have sent it."""
-    for node, name in (ros.node, 'a'), (other, 'b'):
-        StaticTransformBroadcaster(node).sendTransform(stamped('map', name))
-    eventually(lambda: [publisher_of(listener, name) for name in 'ab'] == [
-        'one of /other, /test'] * 2)
-    assert len({gid_of(listener, name) for name in 'ab'}) == 2
-    other.destroy_node()
-    eventually(lambda: len(listener.present) == 1)
-    assert publisher_of(listener, 'a') == 'one of /other, /test'
 
 
 class Graph:
@@ -177,23 +161,6 @@ class Graph:
 def gid(number):
     """Return the gid of a publisher in such a graph."""
     return bytes([number] * 16).hex()
-
-
-def test_the_list_of_possible_publishers_is_short():
-    """Five names and the number of the others."""
-    publishers = Publishers(Graph(*range(9)), ['/tf'])
-    publishers.add_unknown('a', '/tf')
-    assert publishers.names_of(['a']) == {
-        'a': 'one of /0/node, /1/node, /2/node, /3/node, /4/node and 4 more'}
-
-
-def test_the_topics_that_are_kept_for_gids_are_bounded(monkeypatch):
-    """Of publishers whose gids are not known, the oldest ones are forgotten."""
-    monkeypatch.setattr(topic_watch, '_MOST_NAMES', 1)
-    publishers = Publishers(Graph(1, 2), ['/tf'])
-    for name in 'ab':
-        publishers.add_unknown(name, '/tf')
-    assert publishers.names_of('ab') == {'a': UNKNOWN, 'b': 'one of /1/node, /2/node'}
 
 
 def test_no_pause_where_the_time_of_reception_is_that_of_the_take(ros, handles, monkeypatch):
@@ -435,7 +402,6 @@ def test_a_reader_of_another_topic(ros, monkeypatch, has_gids):
         monkeypatch.setattr('puretf._ros.subscription.rcl_take', lambda: None)
     publisher = ros.node.create_publisher(String, '/words', 10)
     reader = TopicReader(ros.node, String, '/words', 10)
-    assert reader.has_gids is has_gids
     ros.until(publisher.get_subscription_count)
     for word in 'one', 'two':
         publisher.publish(String(data=word))

@@ -103,5 +103,5 @@ def test_large_headers_pause(ros, monkeypatch):
         ros.until(lambda: has_readers(1))
         publisher.publish(message)
         ros.until(lambda: has_readers(0))
-        assert sampler.headers()['/points'].count == number
+        assert sampler.headers['/points'].count == number
     sampler.close()

@@ -49,7 +49,7 @@ class Arm(JointControl):
 class Page:
     """A page with sliders only, for one or two viewers who share the robots."""
 
-    why_none = 'start it'
+    why_none, warning = 'start it', ''
 
     def __init__(self, *controls):
         """Serve the page, and open it twice."""
@@ -212,8 +212,8 @@ def test_a_page_without_robots_says_what_to_do():
         assert page.text() == 'start it'
         page.controls.append(control)
         page.wait_for_sliders(3)
-        control.warning = '/other publishes, <too>'
-        page.until(lambda: page.text() == control.warning)
+        page.warning = '/other publishes, <too>'
+        page.until(lambda: page.text() == page.warning)
         page.controls.clear()
         page.until(lambda: page.text() == 'start it')
         page.until(lambda: not sliders(page.viewer))

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from statistics import median
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -30,26 +29,26 @@ ROWS = {
     (Verdict.WAITS, 'between two'): (robot(0, 5000), (2010, 2010)),
     (Verdict.WAITS, 'before a long gap'): (robot(0, 1000) + robot(4000, 5000), (1500, 1500)),
     (Verdict.TOO_OLD, 'dropped'): (robot(0, 20_000), (19_990, 9900)),
-    (Verdict.START, 'before the first'): (robot(1000, 5000), (1500, 900)),
-    (Verdict.START, 'before the first so far'): (
+    (Verdict.NOT_JUDGED, 'before the first'): (robot(1000, 5000), (1500, 900)),
+    (Verdict.NOT_JUDGED, 'before the first so far'): (
         [tf(1000, 1000, 'odom base'), tf(3000, 0, 'odom base'), *robot(3000, 9000)], (2000, 500)),
     (Verdict.AT_ONCE, 'the transforms are not in order'): (
         [tf(1000, 1000, 'odom base'), tf(1500, 0, 'odom base'), *robot(3000, 9000)], (2000, 500)),
-    (Verdict.START, 'before any has arrived'): (robot(1000, 5000), (500, 500)),
+    (Verdict.NOT_JUDGED, 'before any has arrived'): (robot(1000, 5000), (500, 500)),
     (Verdict.WAITS, 'the first arrives later'): (
         [tf(3000, 400, 'odom base'), *robot(3000, 8000)], (500, 500)),
     (Verdict.OTHER_CLOCK, 'future'): (robot(0, 5000), (2000, 70_000)),
     (Verdict.OTHER_CLOCK, 'past'): (robot(0, 5000), (3000, -70_000)),
-    (Verdict.START, 'latched long before'): (robot(0, 5000), (100, -70_000)),
+    (Verdict.NOT_JUDGED, 'latched long before'): (robot(0, 5000), (100, -70_000)),
     (Verdict.AT_ONCE, 'after a restart'): (
         [*robot(0, 30_000), *robot(0, 30_000, delay=40_000)], (50_005, 9990)),
-    (Verdict.START, 'before a restart'): (
+    (Verdict.NOT_JUDGED, 'before a restart'): (
         [*robot(0, 30_000), *robot(0, 30_000, delay=40_000)], (10_005, 9990)),
     (Verdict.TOO_OLD, 'one stamp goes back'): (
         [*robot(0, 20_000), tf(15_000, 0, 'odom base')], (19_990, 9900)),
     (Verdict.NEVER, 'the data end'): ([*robot(0, 1000), tf(9000, 9000, 'map lamp')], (2000, 2000)),
-    (Verdict.END, 'the last 2 s'): (robot(0, 5000), (4995, 4995)),
-    (Verdict.START, 'before the first of one edge, dropped by the other'): (
+    (Verdict.NOT_JUDGED, 'the last 2 s'): (robot(0, 5000), (4995, 4995)),
+    (Verdict.NOT_JUDGED, 'before the first of one edge, dropped by the other'): (
         [*robot(8000, 17_500), *robot(0, 17_500, edge='map odom')], (17_000, 6000)),
     (Verdict.TOO_OLD, 'after the first of one edge, dropped by the other'): (
         [*robot(5000, 14_000), *robot(0, 17_500, edge='map odom')], (17_000, 6000)),
@@ -76,9 +75,9 @@ def test_paths_without_dynamic_edges(frame):
 
 def test_frames_of_no_tree_and_loops_are_not_judged():
     """The checks `unknown_frame` and `loop` report them."""
-    assert [*judged(robot(0, 100), [(50, 50)], 'lazer').verdicts] == [Verdict.NO_TREE]
+    assert [*judged(robot(0, 100), [(50, 50)], 'lazer').verdicts] == [Verdict.NOT_JUDGED]
     loop = [tf(i, i, 'a b', 'b a') for i in range(0, 100, 20)]
-    assert [*judged(loop, [(50, 50)], 'a').verdicts] == [Verdict.NO_TREE]
+    assert [*judged(loop, [(50, 50)], 'a').verdicts] == [Verdict.NOT_JUDGED]
 
 
 def test_edges_that_arrive_in_one_message():
@@ -93,7 +92,7 @@ def test_edges_that_arrive_in_one_message():
 def test_the_clock_of_the_arrivals():
     """A stamp far from all transforms is from another clock only if it is far from now, too."""
     message = 200_000, 199_990  # the transforms ended long ago
-    assert [*judged(robot(0, 1000), [message]).verdicts] == [Verdict.END]
+    assert [*judged(robot(0, 1000), [message]).verdicts] == [Verdict.NOT_JUDGED]
     assert [*judged(robot(0, 1000), [message], not_known={'arrivals': ''}).verdicts] == [
         Verdict.OTHER_CLOCK]
 
@@ -158,9 +157,9 @@ def test_transforms_without_times(monkeypatch):
     """Without times of the recording, or with stamps of 0 only, nothing is judged."""
     untimed = [tf(-T // MS, i, 'odom base') for i in range(0, 5000, 20)]
     assert {each.time for each in untimed} == {0}
-    assert [*judged(untimed, [(2000, 90_000)]).verdicts] == [Verdict.NO_TREE]
+    assert [*judged(untimed, [(2000, 90_000)]).verdicts] == [Verdict.NOT_JUDGED]
     zero = [tf(i, -T // MS, 'odom base') for i in range(0, 5000, 20)]
-    assert [*judged(zero, [(2000, 90_000)]).verdicts] == [Verdict.NO_TREE]
+    assert [*judged(zero, [(2000, 90_000)]).verdicts] == [Verdict.NOT_JUDGED]
 
 
 def test_the_queue_counts_messages_that_wait_in_vain():
@@ -197,15 +196,10 @@ def test_against_a_buffer(steps):
     times = judged(transforms, messages)
     known = {name for name, stamp in newest.items() if stamp > -10**9}
     if 'odom base' not in known:
-        assert {*times.verdicts.tolist()} == {Verdict.NO_TREE}
+        assert {*times.verdicts.tolist()} == {Verdict.NOT_JUDGED}
         return
     root = 'map' if 'map odom' in known else 'odom'
     ready = replayed(transforms, messages, root)
-    end = max(arrival for arrival, _ in [*messages, *(
-        ((each.time - T) // MS, 0) for each in transforms)])
-    waits = [at - arrival for verdict, (arrival, _), (at, _) in zip(
-        times.verdicts.tolist(), messages, ready) if verdict in (Verdict.AT_ONCE, Verdict.WAITS)]
-    patience = max(2000, 3 * median(waits)) if waits else 2000
     for verdict, wait, message, (at, is_dropped) in zip(
             times.verdicts.tolist(), times.waits.tolist(), messages, ready):
         if verdict == Verdict.AT_ONCE:
@@ -216,8 +210,6 @@ def test_against_a_buffer(steps):
             assert at is None, (verdict, message)
             if verdict == Verdict.TOO_OLD:
                 assert is_dropped
-            if verdict == Verdict.END:
-                assert message[0] > end - patience
 
 
 def replayed(transforms, messages, root):

@@ -65,7 +65,6 @@ def test_no_message():
 @pytest.mark.parametrize(('messages', 'stamps', 'choice'), [
     ([], [NOW - MS], False),
     ([], [100 * S], None),  # /clock may come
-    ([], [NOW - 30 * S], None),  # such as a bag of just now
     ([(0, 100)], [100 * S], True),
     ([(0, 100)], [99 * S, 41 * S], True),
     ([(0, 100)], [300 * S], None),
