@@ -3,19 +3,17 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-import re
 from types import MappingProxyType
-from typing import NamedTuple, Optional
+from typing import Literal, NamedTuple, Optional
 
-from puretf._text.names import TF_MESSAGE
-from puretf._text.similar_names import near_names
+from puretf._text.names import comma_list, MAX_TOPICS, shortened, TF_MESSAGE
 from puretf._text.times import is_frozen, SECOND
 
-#: The symptoms of a lookup: a frame does not exist; two trees; a time before or after the data, or
-#: beside the only stamp; an edge without data, since the buffer was cleared; and, without a
-#: lookup, that nothing arrives; or none, since `tf_doctor` asks.
-MISSING, UNCONNECTED, PAST, FUTURE, ONE_TIME, CLEARED, SILENCE, NONE = (
-    'missing', 'unconnected', 'past', 'future', 'one_time', 'cleared', 'silence', 'none')
+#: The symptoms of a lookup: a frame does not exist, or has almost the name of another one; two
+#: trees; a time before the data, or after them; an edge without data, since the buffer was
+#: cleared; and, without a lookup, that nothing arrives; or none, since `tf_doctor` asks.
+Symptom = Literal[
+    'missing', 'typo', 'unconnected', 'past', 'future', 'cleared', 'silence', 'none']
 #: Times that are farther apart (ns) are from two clocks.
 OTHER_CLOCK = 60 * SECOND
 #: The name of a publisher whose node is not known.
@@ -23,6 +21,11 @@ UNKNOWN = 'unknown publisher'
 #: Data still arrive if this time (ns), or one and a half periods of the edge, is not over. Up to
 #: this time after the newest stamp, a transform is on its way.
 RECENT = SECOND
+
+
+def listed(names: Sequence[str]) -> str:
+    """Join the names of nodes or topics."""
+    return comma_list(names, MAX_TOPICS, shortened)
 
 
 class Publisher(NamedTuple):
@@ -60,7 +63,7 @@ class Blocked(NamedTuple):
 class Waited(NamedTuple):
     """How a lookup has waited in vain."""
 
-    seconds: float
+    seconds: float = 0.0  #: 0: it has not waited
     blocked: Mapping[str, Blocked] = MappingProxyType({})  #: by the full name of the node
 
 
@@ -118,56 +121,41 @@ class Parent(NamedTuple):
     is_static: bool
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """The transforms of a frame that were refused for one reason."""
-
-    reason: str  #: the code of the cause, such as 'not_a_number'
-    count: int
-    authority: str  #: the publisher of the last one
-
-
 class Edge(NamedTuple):
     """The edge without data for the time of a lookup, as of the failure; times are in ns."""
 
-    parent: str
-    child: str
-    samples: int  #: their number
-    oldest: int
-    latest: int
-    cache_time: int
-    has_dropped: bool  #: True if it may have had older samples
-    authority: str  #: the publisher
-    silence: int  #: since the last transform of the child has arrived
-    repeated: int  #: the number of transforms that have arrived again
-    refused: int  #: the number of transforms that were older than the cache
-    refused_stamp: int  #: the stamp of the last one
-    refused_authority: str  #: its publisher
-    is_refusing: bool  #: True if the last one was refused
+    parent: str = ''
+    child: str = ''  #: '': the lookup did not fail at an edge
+    samples: int = 0  #: their number
+    oldest: int = 0
+    latest: int = 0
+    cache_time: int = 0
+    has_dropped: bool = False  #: True if it may have had older samples
+    authority: str = ''  #: the publisher
+    silence: int = 0  #: since the last transform of the child has arrived
+    repeated: int = 0  #: the number of transforms that have arrived again
+    refused: int = 0  #: the number of transforms that were older than the cache
+    refused_stamp: int = 0  #: the stamp of the last one
+    refused_authority: str = ''  #: its publisher
+    is_refusing: bool = False  #: True if the last one was refused
     nanosec: int = 0  #: a `nanosec` of its stamps that is 10**9 or more; 0: there is none
     is_full: bool = False  #: True if samples were dropped since there were too many
     stalled: int = 0  #: from the arrival of the newest stamp to that of the last transform
-    offsets: Sequence[int] = ()  #: the newest stamp minus its arrival, in each of some seconds
+    offsets: Sequence[int] = ()  #: the newest stamp minus its arrival, in some seconds
 
     @property
     def period(self) -> int:
-        return min((self.latest - self.oldest) // max(self.samples - 1, 1), OTHER_CLOCK)
-
-    @property
-    def spread(self) -> int:
-        """By how much stamps minus arrivals have varied in the last seconds."""
-        return max(self.offsets) - min(self.offsets) if self.offsets else 0
-
-    @property
-    def still_arrives(self) -> bool:
-        """Whether transforms arrive, as often as before; stamps may be from another clock."""
-        is_regular = self.samples > 2 or self.has_dropped
-        return self.silence <= max(RECENT, 3 * self.period // 2 * is_regular)
+        """The mean time between samples (ns), at least 1."""
+        mean = (self.latest - self.oldest) // max(self.samples - 1, 1)
+        return max(min(mean, OTHER_CLOCK), 1)
 
     @property
     def is_frozen(self) -> bool:
         """Whether several transforms have arrived, all with the same stamp."""
         return is_frozen(self.oldest, self.latest, self.samples + self.repeated)
+
+
+NO_EDGE = Edge()
 
 
 class Frames(NamedTuple):
@@ -178,8 +166,9 @@ class Frames(NamedTuple):
     changed: Sequence[str] = ()  #: the frames that have had several parents
     #: Returns the parent of a frame, and before it those that it has, too.
     parents: Callable[[str], Sequence[Parent]] = lambda name: ()
-    #: Returns what was refused of a frame.
-    refusals: Callable[[str], Sequence[Refusal]] = lambda name: ()
+    #: Returns how many transforms of a frame were refused, and the publisher of the last one, by
+    #: the code of the cause.
+    refusals: Callable[[str], Mapping[str, tuple[int, str]]] = lambda name: {}
     missing_part: tuple[str, str] = '', ''  #: which part of a bag is missing, and the remedy
     takes_ns: bool = False  #: True if the times of the buffer are integers
     needs_listener: bool = False  #: True if only a listener is expected to fill the buffer
@@ -196,14 +185,14 @@ class Frames(NamedTuple):
 class Facts:
     """All that is known when the text of an error is read."""
 
-    symptom: str
+    symptom: Symptom
     around: Surroundings
     buffer: Frames = field(default_factory=Frames)
     names: tuple[str, ...] = ()  #: the frames of the lookup: target and source, or a missing one
     roots: tuple[str, ...] = ()  #: those of two trees
     time: int = 0  #: that of the lookup (ns)
-    edge: Optional[Edge] = None
-    waited: Optional[Waited] = None
+    edge: Edge = NO_EDGE
+    waited: Waited = field(default_factory=Waited)
     is_duration: bool = False  #: True if a Duration was passed as a time
 
     @cached_property
@@ -213,16 +202,27 @@ class Facts:
         return found | {'listener'} if not self.around.topics else found
 
     @cached_property
-    def has_near_name(self) -> bool:
-        """Whether the missing frame has almost the name of another one."""
-        return self.symptom == MISSING and any(
-            re.findall(r'\d+', name) == re.findall(r'\d+', self.names[0])
-            for name in near_names(self.names[0], self.buffer.names, cutoff=0.8))
-
-    @cached_property
     def heard(self) -> Sequence[Heard]:
         """What publishers have sent while one listened for a moment, once."""
         return self.around.listen() if self.around.listen else ()
 
     def has_sent(self, node: str) -> bool:
         return any(node in each.nodes for each in self.heard)
+
+    @property
+    def arrives(self) -> bool:
+        """Whether transforms of the edge arrive, as often as before."""
+        edge, around = self.edge, self.around
+        is_regular = edge.samples > 2 or edge.has_dropped
+        return bool(edge.silence <= max(RECENT, 3 * edge.period // 2 * is_regular)
+                    and edge.child and edge.authority not in around.ended
+                    and around.topics and around.nodes(around.topics[-1]))
+
+    @property
+    def offset(self) -> int:
+        """The newest stamp at its arrival minus the clock of the node (ns); 0: not known."""
+        edge, around = self.edge, self.around
+        if not edge.child or not around.now or around.is_simulated:
+            return 0  # a simulated clock has not the rate of `silence`
+        newest = edge.refused_stamp if edge.is_refusing else edge.latest + edge.stalled
+        return newest + edge.silence - around.now

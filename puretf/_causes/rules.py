@@ -1,9 +1,10 @@
 """The form of a rule, which finds one cause in facts."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from operator import attrgetter
 import re
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Optional
 
 
 class Evidence(NamedTuple):
@@ -44,8 +45,7 @@ class Cause(NamedTuple):
     """A rule that is satisfied."""
 
     code: str
-    evidence: str
-    remedy: str
+    text: str  #: the evidence and the remedy as sentences
     section: str
 
 
@@ -55,8 +55,8 @@ def registry(rules: dict[str, Rule]) -> Callable[..., Callable[[Any], Any]]:
              ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         def add(find: Callable[..., Any]) -> Callable[..., Any]:
             assert code not in rules
-            rules[code] = Rule(
-                code, remedy, section, find, **fields, meaning=find.__doc__ or '')
+            fields.setdefault('meaning', find.__doc__ or '')
+            rules[code] = Rule(code, remedy, section, find, **fields)
             return find
 
         return add
@@ -69,24 +69,16 @@ def known(rules: Iterable[Rule], not_known: Collection[str]) -> list[Rule]:
     return [rule for rule in rules if not any(need in not_known for need in rule.needs)]
 
 
-def causes(rules: Iterable[Rule], facts: Any, symptom: str) -> list[Cause]:
+def first_cause(rules: Iterable[Rule], facts: Any) -> Optional[Cause]:
     """
-    Return the causes of a symptom, the most certain first.
+    Return the most certain cause of a symptom; None if none is known.
 
     What is costly is only asked if no other rule is satisfied.
 
-    :param facts: the first argument of the rules; `not_known` has what is not known.
+    :param facts: the argument of the rules; `symptom`, and `not_known` has what is not known.
     """
-    for is_costly in False, True:
-        found, explained = list[Cause](), set[str]()
-        for rule in known(rules, facts.not_known):
-            if symptom not in rule.symptoms or rule.is_costly != is_costly or (
-                    rule.code in explained):
-                continue
-            for evidence in rule.find(facts):
-                explained.update(rule.explains)
-                found.append(Cause(rule.code, evidence.text, rule.remedy.format(
-                    **evidence.values), rule.section))
-        if found:
-            return found
-    return []
+    for rule in sorted(known(rules, facts.not_known), key=attrgetter('is_costly')):
+        for evidence in rule.find(facts) if facts.symptom in rule.symptoms else ():
+            text = f'{evidence.text}. {rule.remedy.format(**evidence.values)}'
+            return Cause(rule.code, text.strip(), rule.section)
+    return None

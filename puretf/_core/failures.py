@@ -3,23 +3,10 @@
 from functools import partial
 from itertools import takewhile
 from time import monotonic_ns
-from typing import Optional
 from weakref import ref
 
 from puretf._causes.explanation import explain
-from puretf._causes.facts import (
-    CLEARED,
-    Edge,
-    Facts,
-    Frames,
-    FUTURE,
-    Look,
-    MISSING,
-    ONE_TIME,
-    PAST,
-    RECENT,
-    UNCONNECTED,
-)
+from puretf._causes.facts import Edge, Facts, Frames, Look, NO_EDGE, RECENT, Symptom, Waited
 from puretf._core import texts
 from puretf._core.frames import as_string
 from puretf._core.history import History
@@ -42,7 +29,7 @@ def check(tree: FrameTree, name: str, where: str) -> None:
     problem = tree.problem(name)
     if problem == texts.UNKNOWN_FRAME:
         raise with_explanation(LookupException(f'"{name}" passed to {where} does not exist. '),
-                               _explanation(tree, MISSING, (name,)))
+                               _explanation(tree, 'missing', (name,)))
     if problem:
         raise InvalidArgumentException(
             f'Invalid argument "{name}" passed to {where} - {problem}')
@@ -63,7 +50,7 @@ def check_for_can_transform(tree: FrameTree, **frames: str) -> None:
             if problem != texts.UNKNOWN_FRAME:
                 raise TransformException(words)
             raise with_explanation(TransformException(f'{words}. '),
-                                   _explanation(tree, MISSING, (name,)))
+                                   _explanation(tree, 'missing', (name,)))
 
 
 def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: str
@@ -103,26 +90,25 @@ def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at
                   for each in takewhile(meeting.__ne__, chain)]:
         if isinstance(history := tree.histories[frame], History):
             gap = history.distance_to(time)
-            if is_frozen(history.oldest, history.latest, len(history) + history.repeated):
-                gap = END  # the latest time of all edges is its stamp
-            elif tree.needs_listener and (
-                    history.latest == time and now - history.advance > RECENT):
-                gap = END - 1
+            # Then the latest time of all edges is its stamp.
+            if is_frozen(history.oldest, history.latest, len(history) + history.repeated) or (
+                    tree.needs_listener and history.latest == time
+                    and now - history.advance > RECENT):
+                gap = END
             if gap > widest:
                 worst, widest = frame, gap
     history = tree.histories[worst]
     assert isinstance(history, History)
     if not len(history):
-        return _explanation(tree, CLEARED, (worst,))
-    symptom = FUTURE if time > history.latest or widest == END - 1 else (
-        PAST if time < history.oldest else ONE_TIME)
-    return _explanation(tree, symptom, (target, source), (), time, Edge(
-        history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
-        tree.cache_time, history.start > 0, history.authority,
-        now - history.arrival, history.repeated, history.refused,
-        history.refused_stamp, history.refused_authority, history.is_refusing,
-        tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance,
-        history.offsets))
+        return _explanation(tree, 'cleared', (worst,))
+    return _explanation(
+        tree, 'past' if time < history.oldest else 'future', (target, source), (), time, Edge(
+            history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
+            tree.cache_time, history.start > 0, history.authority,
+            now - history.arrival, history.repeated, history.refused,
+            history.refused_stamp, history.refused_authority, history.is_refusing,
+            tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance,
+            history.offsets))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END
@@ -139,25 +125,25 @@ def _why_unconnected(tree: FrameTree, target: str, source: str, time: int = END)
     roots = [*from_target][-1], [*from_source][-1]
     for root in roots[::-1]:
         if (history := tree.histories[root]) is not None and not len(history):
-            return _explanation(tree, CLEARED, (root,))
-    return _explanation(tree, UNCONNECTED, (target, source), roots)
+            return _explanation(tree, 'cleared', (root,))
+    return _explanation(tree, 'unconnected', (target, source), roots)
 
 
-def _explanation(tree: FrameTree, symptom: str, names: tuple[str, ...],
-                 roots: tuple[str, ...] = (), time: int = 0, edge: Optional[Edge] = None
+def _explanation(tree: FrameTree, symptom: Symptom, names: tuple[str, ...],
+                 roots: tuple[str, ...] = (), time: int = 0, edge: Edge = NO_EDGE
                  ) -> Explanation:
     """Copy what is known now; the rest is asked when the text is read, without the lock."""
     # A closure would cost more, since its cells are objects for the garbage collector.
-    return partial(_explain, ref(tree), tree.look, tree.names if edge is None else (), symptom,
+    return partial(_explain, ref(tree), tree.look, () if edge.child else tree.names, symptom,
                    names, roots, time, edge)
 
 
-def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: str,
-             names: tuple[str, ...], roots: tuple[str, ...], time: int, edge: Optional[Edge],
+def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: Symptom,
+             names: tuple[str, ...], roots: tuple[str, ...], time: int, edge: Edge,
              error: TransformException) -> tuple[str, tuple[str, ...]]:
     tree = tree_ref()
     return explain(Facts(symptom, look(), Frames(known) if tree is None else tree.facts(known),
-                         names, roots, time, edge, error._waited, error._is_duration))
+                         names, roots, time, edge, error._waited or Waited(), error._is_duration))
 
 
 def too_long(tree: FrameTree, chain: list[str]) -> LookupException:

@@ -58,9 +58,10 @@ class Insertion:
         """
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
-        if warnings := texts.refusals(parent, child, pose, authority):
-            self._tree.note_refusal(child, _reason(parent, child, (qx, qy, qz, qw)), authority)
-            self.log.warn(child, *warnings, end=partial(
+        if refusals := texts.refusals(
+                parent, child, pose, authority, not any((qx, qy, qz, qw))):
+            self._tree.note_refusal(child, refusals[0][0], authority)
+            self.log.warn(child, *(text for _, text in refusals), end=partial(
                 publisher_end, self._tree.look, authority, is_static))
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
@@ -272,9 +273,3 @@ def _large_angles(
             result[j, n] = (above[k, n] + below[k, n]) * scale
             result[k, n] = (above[j, n] + below[j, n]) * scale
             result[3, n] = (above[i, n] - below[i, n]) * scale
-
-
-def _reason(parent: str, child: str, rotation: tuple[float, ...]) -> str:
-    """Return why tf2 refuses a transform: the code of the cause."""
-    return ('empty_name' if not (parent and child) else 'loop' if parent == child else
-            'unnormalized' if not any(rotation) else 'not_a_number')

@@ -44,22 +44,29 @@ def _of(child: str, authority: str) -> str:
     return f'child_frame_id "{_plain(child)}" from authority "{_plain(authority)}"'
 
 
-def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> list[str]:
-    """Return tf2's warnings about an invalid transform."""
+def refusals(parent: str, child: str, pose: Sequence[float], authority: str, is_zero: bool
+             ) -> list[tuple[str, str]]:
+    """
+    Return the codes of why tf2 refuses a transform, each with tf2's warning.
+
+    :param pose: with the normalised rotation, which is NaN if it `is_zero`.
+    """
     if parent != child and parent and child and not any(map(isnan, pose)):
         return []  # as usual: write no text
     publisher = f'authority "{_plain(authority)}"'
     numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
-    return [text for applies, text in (
-        (parent == child, f'TF_SELF_TRANSFORM: Ignoring transform from {publisher} with frame_id '
-         f'and  child_frame_id "{_plain(child)}" because they are the same'),
-        (not child, f'TF_NO_CHILD_FRAME_ID: Ignoring transform from {publisher} because '
-         'child_frame_id not set '),
-        (not parent, 'TF_NO_FRAME_ID: Ignoring transform with child_frame_id '
+    reason = 'unnormalized' if is_zero else 'not_a_number'
+    return [(code, text) for code, applies, text in (
+        ('loop' if child else 'empty_name', parent == child,
+         f'TF_SELF_TRANSFORM: Ignoring transform from {publisher} with frame_id and  '
+         f'child_frame_id "{_plain(child)}" because they are the same'),
+        ('empty_name', not child, f'TF_NO_CHILD_FRAME_ID: Ignoring transform from {publisher} '
+         'because child_frame_id not set '),
+        ('empty_name', not parent, 'TF_NO_FRAME_ID: Ignoring transform with child_frame_id '
          f'"{_plain(child)}"  from {publisher} because frame_id not set'),
-        (any(map(isnan, pose)), f'TF_NAN_INPUT: Ignoring transform for {_of(child, authority)} '
-         f'because of a nan value in the transform {numbers}'),
-        (any(map(isnan, pose[3:])), 'TF_DENORMALIZED_QUATERNION: Ignoring transform for '
+        (reason, any(map(isnan, pose)), 'TF_NAN_INPUT: Ignoring transform for '
+         f'{_of(child, authority)} because of a nan value in the transform {numbers}'),
+        (reason, any(map(isnan, pose[3:])), 'TF_DENORMALIZED_QUATERNION: Ignoring transform for '
          f'{_of(child, authority)} because of an invalid quaternion in the transform '
          f'{numbers.partition(") ")[2]}')) if applies]
 

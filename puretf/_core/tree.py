@@ -3,7 +3,7 @@
 from operator import ne
 from typing import Any, Optional
 
-from puretf._causes.facts import Frames, Look, Parent, Refusal, Surroundings
+from puretf._causes.facts import Frames, Look, Parent, Surroundings
 from puretf._core import texts
 from puretf._core.history import AnyHistory, History, State
 from puretf.exceptions import described
@@ -36,8 +36,8 @@ class FrameTree:
         self.look: Look = Surroundings
         #: By child: the parents that it has had before, the latest last.
         self._earlier: dict[str, dict[str, Parent]] = {}
-        #: By child, then by reason: the transforms that were refused.
-        self._refusals: dict[str, dict[str, Refusal]] = {}
+        #: By child, then by reason: how many transforms were refused, and the last publisher.
+        self._refusals: dict[str, dict[str, tuple[int, str]]] = {}
         #: By child: the last `nanosec` of a stamp that was 10**9 or more.
         self.nanosecs: dict[str, int] = {}
 
@@ -81,8 +81,7 @@ class FrameTree:
         """Count a transform that is refused for a reason: the code of a cause."""
         if child in self._refusals or len(self._refusals) < _MAX_REFUSED:
             reasons = self._refusals.setdefault(child, {})
-            count = reasons[reason].count + 1 if reason in reasons else 1
-            reasons[reason] = Refusal(reason, count, authority)
+            reasons[reason] = reasons.get(reason, (0, ''))[0] + 1, authority
 
     def note_nanosec(self, children: list[str], nanosec: int) -> None:
         """Keep a `nanosec` of the stamps of some frames that is 10**9 or more."""
@@ -95,7 +94,7 @@ class FrameTree:
         return Frames(
             names, {child: parent for child, parent in self.newest_edges() if parent},
             tuple(self._earlier), self._parents,
-            lambda child: tuple(self._refusals.get(child, {}).values()), self.missing_part,
+            lambda child: self._refusals.get(child, {}), self.missing_part,
             self.takes_ns, self.needs_listener)
 
     def _parents(self, child: str) -> list[Parent]:

@@ -1,11 +1,10 @@
 """Names that are similar to a name: "did you mean", and names that one letter sets apart."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from difflib import get_close_matches, SequenceMatcher
 from functools import lru_cache
 from itertools import islice
 import re
-from typing import NamedTuple
 
 from puretf._text.names import comma_list, LONGEST, quoted
 
@@ -58,9 +57,8 @@ def near_names(name: str, known: Iterable[str], cutoff: float = 0.6) -> list[str
     candidates: dict[str, list[str]] = {}
     for each in islice(known, _MAX_COMPARED):
         if len(each) <= LONGEST:
-            candidates.setdefault(_spelling(each).plain or each, []).append(each)
-    near = get_close_matches(
-        _spelling(name).plain or name, [*candidates], _MAX_SHOWN, cutoff)
+            candidates.setdefault(_plain(each) or each, []).append(each)
+    near = get_close_matches(_plain(name) or name, [*candidates], _MAX_SHOWN, cutoff)
     return [each for plain in near for each in candidates[plain]
             if SequenceMatcher(None, *_what_differs(name, each)).ratio() >= cutoff][:_MAX_SHOWN]
 
@@ -87,69 +85,34 @@ def is_slip(name: str, other: str) -> bool:
     >>> is_slip('wheel_1', 'wheel_2'), is_slip('robot_a/base', 'robot_b/base')
     (False, False)
     """
-    a, b = _spelling(name), _spelling(other)
-    if name == other or a.numbers != b.numbers or not a.plain:
-        return False
-    if a.plain == b.plain:
-        return True
-    if abs(len(a.plain) - len(b.plain)) > 1 or len(a.words) != len(b.words):
-        return False
-    different = [i for i, (x, y) in enumerate(zip(a.words, b.words)) if x != y]
-    return (len(different) == 1 and different[0] >= a.namespace
-            and _differ_by_a_letter(a.words[different[0]], b.words[different[0]]))
-
-
-class _Spelling(NamedTuple):
-    words: list[str]  #: in lower case, without blanks and signs
-    namespace: int  #: how many of the words are before the last slash
-    plain: str  #: all words
-    numbers: list[str]
+    a, b = _words(name), _words(other)
+    different = [i for i, (x, y) in enumerate(zip(a, b)) if x != y]
+    is_alike = ''.join(a) == ''.join(b) or (
+        len(a) == len(b) and len(different) == 1
+        and different[0] >= len(_words(name.rpartition('/')[0]))
+        and _differ_by_a_letter(a[different[0]], b[different[0]]))
+    return is_alike and name != other and a != [] and (
+        re.findall(r'\d+', name) == re.findall(r'\d+', other))
 
 
 @lru_cache(maxsize=8192)
-def _spelling(name: str) -> _Spelling:
-    words, rest = _words(name), _words(name.rpartition('/')[2])
-    return _Spelling(words, len(words) - len(rest), ''.join(words), re.findall(r'\d+', name))
-
-
 def _words(name: str) -> list[str]:
+    """Return the words of a name, in lower case, without blanks and signs."""
     # The letter at the end of mapA is a word.
     return re.findall(r'[^\W_+]+|\+', re.sub(r'(?<=[a-z])(?=[A-Z]\b)', ' ', name).lower())
 
 
+def _plain(name: str) -> str:
+    return ''.join(_words(name))
+
+
 def _differ_by_a_letter(a: str, b: str) -> bool:
     """Return whether one letter is another or missing, or two neighbours have changed places."""
-    if max(len(a), len(b)) < _SHORTEST_WORD:
-        return False
     same = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
-    a, b = a[same:], b[same:]
-    return (a[1:] == b[1:] or a[1:] == b or a == b[1:]
-            or (a[:2] == b[1::-1] and a[2:] == b[2:]))
-
-
-def difference(name: str, other: str) -> str:
-    """
-    Say by what two names differ for which `is_slip` is True.
-
-    >>> difference('base_link ', 'base_link'), difference('base_lnk', 'base_link')
-    ('a blank at the end', 'a letter')
-    """
-    for what, plain in _DIFFERENCES.items():
-        if plain(name) == plain(other):
-            return what
-    return 'a letter'
-
-
-#: What is the only difference of two names that a function makes equal.
-_DIFFERENCES: dict[str, Callable[[str], str]] = {
-    'a blank at the end': str.rstrip,
-    'a blank at the beginning': str.lstrip,
-    'blanks at the ends': str.strip,
-    'case': str.lower,
-    'a slash at the beginning': lambda name: name.removeprefix('/'),
-    'a character that cannot be seen': lambda name: ''.join(filter(str.isprintable, name)),
-    "'-' and '_'": lambda name: name.replace('-', '_'),
-    'case, blanks or signs': lambda name: _spelling(name).plain}
+    rest, other = a[same:], b[same:]
+    return max(len(a), len(b)) >= _SHORTEST_WORD and (
+        rest[1:] in (other, other[1:]) or rest == other[1:]
+        or (rest[:2] == other[1::-1] and rest[2:] == other[2:]))
 
 
 #: The frames of REP 105: a prefix of such a name may lack the slash.
@@ -180,4 +143,4 @@ def may_be_one_robot(topic: str, other: str) -> bool:
     (True, False)
     """
     a, b = (f'{each.rpartition("/")[0]}/' for each in (topic, other))
-    return a.startswith(b) or b.startswith(a) or _spelling(a).plain == _spelling(b).plain
+    return a.startswith(b) or b.startswith(a) or _plain(a) == _plain(b)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from puretf import SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
-from puretf._causes.facts import Facts, OTHER_CLOCK, SILENCE
+from puretf._causes.facts import Facts, OTHER_CLOCK
 from puretf._causes.lookups import (
     LONGEST_CACHE,
     part_prefix,
@@ -167,7 +167,7 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
     """Find that nothing was received on /tf and /tf_static."""
     if not observation.tracks:
         # It has its remedy.
-        text = explain(Facts(SILENCE, observation.around))[0].partition(' More: ')[0]
+        text = explain(Facts('silence', observation.around))[0].partition(' More: ')[0]
         yield _Fault(text or '0 transforms', topics=observation.topics,
                      remedy=None if text else '')
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from puretf import namespace_path, SECOND, TF_MESSAGE
 from puretf._causes.clocks import is_off
-from puretf._causes.facts import Facts, Frames, Heard, NONE, Publisher, Surroundings
+from puretf._causes.facts import Facts, Frames, Heard, Publisher, Surroundings
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.stream import Stream
@@ -178,7 +178,7 @@ class Observation:
         heard = [Heard(self.topics[is_static], '' if 'nodes' in self.not_known else publisher,
                        [self.nodes.get(publisher, '')], parents)
                  for (publisher, is_static), parents in sent.items()]
-        return Facts(NONE, self.around._replace(
+        return Facts('none', self.around._replace(
             topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
             Frames(newest=self.parents))
 

@@ -123,14 +123,14 @@ FAULTY = [
         [Lookup('map', 'laser', ['part_prefix'], ("'odom_combined'", "'odom'"))], after=[ROBOT]),
     Situation('2.7, 1.28 names that differ by case', World([
         Sender('/controller', ['Odom base_link']), SLAM]),
-        [Lookup('map', 'base_link', ['similar_name'], ('differ by case',))],
+        [Lookup('map', 'base_link', ['similar_name'], ('almost the same',))],
         finds=['similar_name', 'several_trees'], after=[ROBOT],
         report=['warning similar_name: Odom, odom',
                 "'Odom' is a root, and 'odom' is in another tree", 'info several_trees: Odom, map',
                 '2 trees, with the roots Odom, map']),
     Situation('1.28 names that differ by a blank', World([
         DRIVER._replace(edges=['odom base_link ']), LASER]),
-        [Lookup('odom', 'laser', ['similar_name'], ('differ by a blank at the end',))],
+        [Lookup('odom', 'laser', ['similar_name'], ('almost the same',))],
         finds=['similar_name', 'several_trees'], after=[ROBOT]),
     Situation('2.7 an empty namespace before a name', World([
         SLAM._replace(edges=['map /odom']), DRIVER._replace(edges=['/odom base_link'])]),
@@ -154,7 +154,7 @@ FAULTY = [
         Sender('/rosbag2_player', ['odom base_link']),
         Sender('/rosbag2_player', topic='/tf_static')]),
         [Lookup('odom', 'laser', ['silent_publisher'],
-                ('/rosbag2_player has sent nothing on /tf_static', 'start offset'))]),
+                ('/rosbag2_player has a publisher on /tf_static', 'start offset'))]),
     Situation('2.12 volatile statics', World([DRIVER, LASER._replace(lacks='transient local')]),
               [Lookup('odom', 'laser', ['static_not_latched'], ('/rsp', 'not transient local'))],
               after=[ROBOT]),
@@ -279,9 +279,9 @@ FAULTY = [
         [DRIVER._replace(end=-0.05)], has_gids=True, node='/driver', blocked={'/driver': Blocked(
             'cannot while nothing spins it', 'Spin it in a thread.', ())}),
         [Lookup('odom', 'base_link', ['executor_blocked'],
-                ('This node publishes it, and cannot', 'Spin it in a thread.'), at=0.02,
+                ('by this node, which cannot', 'Spin it in a thread.'), at=0.02,
                 waited=0.01),
-         Lookup('odom', 'tool', ['executor_blocked'], ('Only this node publishes on /tf',),
+         Lookup('odom', 'tool', ['executor_blocked'], ('Nobody publishes on /tf but this node',),
                 waited=0.01)]),
     Situation('a publisher has ended', World(
         [DRIVER._replace(end=-5.0, has_ended=True)], has_gids=True),

@@ -244,8 +244,8 @@ def waving(ros):
 
 
 OWN = ' More: tf_doctor --explain own_node'
-BLOCKED = ('This node publishes it, and cannot while this lookup blocks its executor. Await '
-           f'lookup_transform_async instead, in a callback group of its own.{OWN}')
+BLOCKED = ('It is published by this node, which cannot while this lookup blocks its executor. '
+           f'Await lookup_transform_async instead, in a callback group of its own.{OWN}')
 
 
 def test_a_lookup_that_blocks_the_broadcaster_of_its_node(ros, waving):
@@ -263,7 +263,7 @@ def test_a_lookup_that_blocks_a_node_in_the_same_executor(ros, make_node, waving
     listener = TransformListener(buffer, looking)
     broadcasting.executor.add_node(looking)
     broadcasting.buffer = buffer
-    assert '/waving publishes it, and cannot while this lookup blocks its executor. ' in (
+    assert 'published by /waving, which cannot while this lookup blocks its executor. ' in (
         broadcasting.result_in_a_callback(broadcasting.look_up))
     listener.unregister()
     broadcasting.executor.remove_node(looking)
@@ -276,8 +276,8 @@ def test_a_frame_of_another_node_is_not_that_of_the_blocked_one(ros, other, wavi
     if child == 'other':
         other.destroy_publisher(send(ros, other, node.buffer, now_of(ros), frame='other'))
     text = node.result_in_a_callback(lambda: node.look_up(child))
-    assert 'This node publishes it' not in text
-    assert ("Only this node publishes on /tf; if it is to send 'nobody', it cannot while" in text
+    assert 'published by this node' not in text
+    assert ('Nobody publishes on /tf but this node, which cannot while' in text
             ) == (child == 'nobody')
 
 
@@ -287,7 +287,7 @@ def test_a_lookup_in_one_of_several_threads(ros, waving, is_own_group, is_blocke
     executor = MultiThreadedExecutor(3, context=ros.context)
     node = waving(executor)
     text = node.result_in_a_callback(node.look_up, is_own_group)
-    assert ('This node publishes it, and cannot while this lookup keeps its callback group busy. '
+    assert ('by this node, which cannot while this lookup keeps its callback group busy. '
             'Put the callback that looks up into a group of its own.' in text) == is_blocked
     assert bool(text) == is_blocked
 
@@ -295,8 +295,8 @@ def test_a_lookup_in_one_of_several_threads(ros, waving, is_own_group, is_blocke
 def test_a_node_that_nobody_spins(ros, waving):
     """It cannot call its timer; the remedy works."""
     node = waving(None)
-    nobody = ("Only this node publishes on /tf; if it is to send 'map', it cannot while nothing "
-              f'spins it. Spin it in a thread.{OWN}')
+    nobody = ('Nobody publishes on /tf but this node, which cannot while nothing spins it. '
+              f'Spin it in a thread.{OWN}')
     assert node.look_up().endswith(nobody)
     node.executor = SingleThreadedExecutor(context=ros.context)
     node.executor.add_node(node.node)
@@ -304,7 +304,7 @@ def test_a_node_that_nobody_spins(ros, waving):
         'map', 'base', Time()))
     node.executor.remove_node(node.node)
     assert node.look_up().endswith(
-        f'This node publishes it, and cannot while nothing spins it. Spin it in a thread.{OWN}')
+        f'published by this node, which cannot while nothing spins it. Spin it in a thread.{OWN}')
     node.executor.add_node(node.node)
     thread = threading.Thread(target=node.executor.spin, daemon=True)
     thread.start()
@@ -407,7 +407,7 @@ def test_a_publisher_that_has_ended(ros, buffer, passing):
     ros.until(lambda: f' s ago; on {publisher.topic} now: /test.' in str(
         error_of(buffer, latest + S)))
     ros.node.destroy_publisher(publisher)
-    ros.until(lambda: ' s ago; nothing publishes on /tf now.' in str(
+    ros.until(lambda: ' s ago; on /tf now: no publisher.' in str(
         error_of(buffer, latest + S)))
 
 
@@ -437,7 +437,7 @@ def test_two_clocks(ros, make_node):
     listener = TransformListener(buffer, simulated)
     now = now_of(ros)
     send(ros, ros.node, buffer, now - S, now)
-    ros.until(lambda: 'The requested time is on the simulated clock of this node, the data are '
+    ros.until(lambda: 'The requested time is on the clock of this node, the data are '
               'not, and /test publishes /clock. Set use_sim_time in all nodes, or in none.'
               in str(error_of(buffer, 100 * S)))
     listener.unregister()

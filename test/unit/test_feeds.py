@@ -3,7 +3,7 @@
 import pytest
 from recorded import MS, observed, S, T, tf
 
-from puretf._causes.facts import Facts, Frames, Heard, NONE, Surroundings
+from puretf._causes.facts import Facts, Frames, Heard, Surroundings
 from puretf._causes.lookups import RULES
 from puretf_tools.doctor import examine
 from puretf_tools.inspection.feeds import Sender
@@ -37,7 +37,7 @@ def other(topic, *edges):
 
 def halves(here, base, others):
     """Return the parent, the child and the topic of what continues a tree."""
-    facts = Facts(NONE, Surroundings(topics=[f'{base}_static', base], listen=lambda: others),
+    facts = Facts('none', Surroundings(topics=[f'{base}_static', base], listen=lambda: others),
                   Frames(newest={child: parent for parent, child in map(str.split, here)}))
     return [(*each.frames, *each.topics) for each in RULES['half_namespace'].find(facts)]
 

@@ -3,18 +3,14 @@
 import pytest
 
 from puretf import ConnectivityException, is_slip, near_names, shortened, TransformBuffer
-from puretf._text.similar_names import difference
 
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-#: Two names of one frame, and by what they differ.
+#: Two names of one frame.
 SLIPS = [
-    ('base_link ', 'base_link', 'a blank at the end'), (' odom', 'odom', 'a blank at the begin'),
-    (' map ', 'map', 'blanks at the ends'), ('Base_Link', 'base_link', 'case'),
-    ('/base_link', 'base_link', 'a slash at the beginning'), ('laser-1', 'laser_1', "'-' and '_'"),
-    ('camera\u200b', 'camera', 'a character that cannot be seen'),
-    ('Base-Link', 'base_link', 'case, blanks or signs'), ('robot/base', 'robot_base', 'case, bl'),
-    ('base_lnk', 'base_link', 'a letter'), ('robot1/odem', 'robot1/odom', 'a letter'),
-    ('tools', 'tool', 'a letter')]
+    ('base_link ', 'base_link'), (' odom', 'odom'), (' map ', 'map'), ('Base_Link', 'base_link'),
+    ('/base_link', 'base_link'), ('laser-1', 'laser_1'), ('camera\u200b', 'camera'),
+    ('Base-Link', 'base_link'), ('robot/base', 'robot_base'), ('base_lnk', 'base_link'),
+    ('robot1/odem', 'robot1/odom'), ('tools', 'tool')]
 #: Names that are different on purpose.
 DIFFERENT = [
     ('left_wheel', 'right_wheel'), ('camera_1', 'camera_2'), ('joint_1', 'joint_2'),
@@ -23,13 +19,11 @@ DIFFERENT = [
     ('', ' '), ('map', 'odom'), ('rgb', 'imu'), ('map', 'map')]
 
 
-@pytest.mark.parametrize(('name', 'other', 'what'), SLIPS)
-def test_a_slip_is_told_by_its_difference(name, other, what):
+@pytest.mark.parametrize(('name', 'other'), SLIPS)
+def test_a_slip_is_told(name, other):
     """The order of the two names does not matter."""
     assert is_slip(name, other)
     assert is_slip(other, name)
-    assert difference(name, other) == difference(other, name)
-    assert difference(name, other).startswith(what)
 
 
 @pytest.mark.parametrize(('name', 'other'), DIFFERENT)
@@ -66,17 +60,16 @@ def error_of_two_trees(*edges, target, source):
     return str(raised.value)
 
 
-@pytest.mark.parametrize(('name', 'other', 'what'), [
+@pytest.mark.parametrize(('name', 'other'), [
     slip for slip in SLIPS if not slip[0].startswith('/')])  # tf2 removes the slash
 @pytest.mark.parametrize('ends', [('top', 'tip'), ('tip', 'top')])
-def test_two_trees_because_of_a_slip(name, other, what, ends):
+def test_two_trees_because_of_a_slip(name, other, ends):
     """The error names both; the frames of the lookup may be others."""
     target, source = ends
     text = error_of_two_trees(
         ('top', name), (other, 'arm'), ('arm', 'tip'), target=target, source=source)
-    remedy = 'If they are one frame, use one name' if what == 'a letter' else 'Use one name'
-    assert f'{name!r} in the one tree and {other!r} in the other differ by {what}' in text
-    assert f'. {remedy}. More: ' in text
+    assert f'{name!r} in the one tree and {other!r} in the other are almost the same' in text
+    assert '. If they are one frame, use one name. More: ' in text
 
 
 @pytest.mark.parametrize('edges', [
@@ -88,5 +81,5 @@ def test_two_trees_because_of_a_slip(name, other, what, ends):
 def test_two_trees_for_another_reason(edges):
     """Names are different on purpose, or a slip does not separate the two trees."""
     text = error_of_two_trees(*edges, target='top', source='tip')
-    assert 'differ by' not in text
+    assert 'almost the same' not in text
     assert ' in the tree with root ' in text

@@ -293,7 +293,7 @@ def test_an_unknown_frame_is_answered_with_the_nearest():
     buffer = TransformBuffer()
     assert error_text(buffer, 'map', 'base_link').endswith(
         '"map" passed to lookupTransform argument target_frame does not exist. '
-        'The buffer is empty. More: tf_doctor --explain missing_frame')
+        'No transform has been received yet. More: tf_doctor --explain missing_frame')
     for name in ('base_link', 'base_scan', 'camera', 'imu', 'left_wheel', 'right_wheel'):
         put(buffer, 'map', name)
     assert error_text(buffer, 'map', 'base_lnk') == (

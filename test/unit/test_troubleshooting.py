@@ -103,7 +103,7 @@ PROVOKED = {
         lambda _: report(clocks=[clock('/gazebo'), clock('/bag')]), 'error two_clocks'),
     'A lookup that waits for its own node': (
         lambda _: error_of(time=20, timeout=S // 100, topics=('/tf_static', '/tf'), publishers=[
-            Publisher('/me', '/tf', TF, 'ab')]), '/me publishes it, and cannot.'),
+            Publisher('/me', '/tf', TF, 'ab')]), 'published by /me, which cannot.'),
 }
 
 
