@@ -1,10 +1,9 @@
 """The rules that the error of a lookup can reach; the most certain ones come first."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from math import ceil
-from typing import Optional
 
 from puretf._causes.clocks import apart, is_off, SINCE_START
 from puretf._causes.facts import Facts, listed, OTHER_CLOCK, RECENT, UNKNOWN
@@ -29,8 +28,8 @@ PLAY = 'Play the bag with --clock, and set use_sim_time.'
 LONGEST_CACHE = 600 * SECOND
 #: A transform was sent once if no other one has followed for this time (ns).
 _ONCE = 5 * SECOND
-#: The largest number of names that are compared with the root of another tree.
-_MAX_COMPARED = 5000
+#: The largest number of names, and of roots, that are compared with those of other trees.
+_MAX_COMPARED, _MAX_ROOTS = 5000, 100
 #: Stamps may be so far (ns) behind the clock, since they are computed late, or ahead on purpose.
 _LATE, _ON_PURPOSE = 3 * SECOND, 5 * SECOND
 #: No program dates its transforms so far (ns) ahead or behind.
@@ -129,51 +128,45 @@ def _changing_parent(facts: Facts) -> Iterator[Evidence]:
                 for each in parents[-4:]), {'frame': quoted(frame)})
 
 
-@_rule('similar_name', 'If they are one frame, use one name.', 'Two unconnected trees',
-       symptoms=['unconnected'])
-def _similar_name(facts: Facts) -> Iterator[Evidence]:
-    for other, root in facts.roots, facts.roots[::-1]:
-        for name in facts.buffer.names[:_MAX_COMPARED]:
-            if is_slip(root, name) and facts.buffer.chain(name)[-1] == other:
-                yield Evidence(f'{quoted(name)} in the one tree and {quoted(root)} in the other '
-                               'are almost the same')
-
-
-@_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
-       'Two unconnected trees', symptoms=['unconnected'])
-def _part_prefix(facts: Facts) -> Iterator[Evidence]:
+def _pairs(facts: Facts) -> Iterator[tuple[str, list[str], str, list[str]]]:
+    """Yield pairs of trees, with their roots: those of the lookup with others; without it, all."""
     trees: dict[str, list[str]] = {}
     for name in facts.buffer.names[:_MAX_COMPARED]:
         trees.setdefault(facts.buffer.chain(name)[-1], []).append(name)
-    # The trees of the lookup, and those between them.
-    for root in facts.roots:
+    for root in facts.roots or [*trees][:_MAX_ROOTS]:
         for other, names in trees.items():
-            if other != root and (found := part_prefix(
-                    trees.get(root, ()), names, facts.buffer.newest)):
-                yield Evidence(part_prefix_text(found))
+            if root != other and (facts.roots or root < other):
+                yield root, trees.get(root, []), other, names
 
 
-def part_prefix(tree: Sequence[str], other: Sequence[str], parents: Mapping[str, str]
-                ) -> Optional[tuple[str, str]]:
-    """
-    Return two names that may be one frame, which only some nodes give a prefix.
-
-    They are the only ones in the two trees that differ by a prefix: two robots have more. One of
-    them is the root of its tree, and the other one has no child: so the trees would be one.
-
-    :param parents: by child: the parent.
-    """
-    pairs = [(a, b) for names, others in ((tree, other), (other, tree))
-             for a in names for b in without_prefix(a).intersection(others)]
-    if len(pairs) == 1 and any(a not in parents and b not in parents.values()
-                               for a, b in (pairs[0], pairs[0][::-1])):
-        return pairs[0]
-    return None
+@_rule('similar_name', 'If they are one frame, use one name.', 'Two unconnected trees',
+       symptoms=['unconnected'], severity='warning')
+def _similar_name(facts: Facts) -> Iterator[Evidence]:
+    """Find roots with almost the name of a frame in another tree."""
+    for root, tree, other, names in _pairs(facts):
+        are_robots = len(tree) == len(names) and all(map(is_slip, sorted(tree), sorted(names)))
+        slips = [(a, name) for a, others in ((root, names), (other, tree)) for name in others
+                 if is_slip(a, name)]
+        if slips and not are_robots and other in (facts.roots or [other]):
+            yield Evidence('{} is the root of a tree, and {}, almost the same name, is in another '
+                           'one'.format(*map(quoted, slips[0])), frames=slips[0])
 
 
-def part_prefix_text(names: Sequence[str]) -> str:
-    return (f'{" and ".join(map(quoted, names))} may be one frame: only a part of the frames has '
-            'the prefix or suffix')
+@_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
+       'Two unconnected trees', symptoms=['unconnected'],
+       explains=('several_trees', 'disconnected'))
+def _part_prefix(facts: Facts) -> Iterator[Evidence]:
+    """Find robots of whose frames only a part has a prefix."""
+    parents = facts.buffer.newest
+    for _, tree, _, other in _pairs(facts):
+        pairs = [(a, b) for names, others in ((tree, other), (other, tree))
+                 for a in names for b in without_prefix(a).intersection(others)]
+        # Two robots have more such pairs. One of the two is the root of its tree, and the other
+        # one has no child: so the trees would be one.
+        if len(pairs) == 1 and any(a not in parents and b not in parents.values()
+                                   for a, b in (pairs[0], pairs[0][::-1])):
+            yield Evidence(f'{" and ".join(map(quoted, pairs[0]))} may be one frame: only a part '
+                           'of the frames has the prefix or suffix', frames=pairs[0])
 
 
 # Transforms that are refused

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import chain, combinations, pairwise
+from itertools import chain, combinations
 from math import ceil
 from operator import attrgetter, itemgetter
 import re
@@ -15,18 +15,10 @@ from puretf import SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, OTHER_CLOCK
-from puretf._causes.lookups import (
-    LONGEST_CACHE,
-    part_prefix,
-    part_prefix_text,
-    PLAY,
-    PLAYER,
-    remap,
-    RULES,
-)
+from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES
 from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened
-from puretf._text.similar_names import is_slip, near_names, suggest_names
+from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import exact_time
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
@@ -53,10 +45,6 @@ _SLOW_CLOCK = 0.11 * SECOND
 _FEW_SWITCHES, _SWITCHES = 2, 0.02
 #: No timeout that is longer than this (s) is proposed.
 _LONGEST_TIMEOUT = 10.0
-#: The frames of REP 105, from the root to the robot.
-_REP_105 = 'earth', 'map', 'odom', 'base_link'
-#: The names of this many roots are compared with those of the other frames.
-_MOST_ROOTS = 100
 #: The codes of what is judged of stamps, and of the times of other messages.
 _OF_STAMPS = 'late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back'
 _WAITING = 'message_too_old', 'message_never', 'message_early'
@@ -177,13 +165,13 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
         tracks = [track for track in observation.tracks
                   if not {*evidence.frames}.isdisjoint((track.child, *track.parents))]
         yield _Fault(evidence.text, tracks, evidence.frames, evidence.topics, evidence.nodes,
-                     RULES[code].remedy.format(**evidence.values) or None)
+                     RULES[code].remedy.format(**evidence.values) or None, scope=())
 
 
 for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
                      ('no_robot_state_publisher', 'listeners'), ('wrong_type', ''),
                      ('static_not_latched', 'qos'), ('other_namespace', ''),
-                     ('silent_publisher', 'listeners')):
+                     ('silent_publisher', 'listeners'), ('similar_name', ''), ('part_prefix', '')):
     CHECKS[_code] = RULES[_code]._replace(find=partial(_found_by, _code), needs=(_need,))
 
 
@@ -349,9 +337,7 @@ def _is_no_place(observation: Observation, frame: str) -> bool:
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
     """Find movable joints without joint states; the links below them are cut off."""
     if found := [*_found_by('joint_without_state', observation)]:
-        yield from (fault._replace(scope=[
-            start + link for robot, start in observation.own_robots for link in robot.links])
-            for fault in found)
+        yield from found
         return
     for robot, start in observation.own_robots:
         topic = joint_states_of(robot.topic)
@@ -957,6 +943,8 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
         topics.sort(key=lambda each: -each[0].quantiles()[2])
         topic, _ = topics[0]
         median, most, largest = topic.quantiles()
+        instead = ('correct the clock that stamps the messages' if _lead(observation, topics) else
+                   'make the publisher send the transforms sooner, or more often')
         yield _of_edge(
             observation, edge, topics, 'can be transformed only after waiting for the edge '
             f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
@@ -964,17 +952,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
             None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            f'...). Or {_instead_of_waiting(observation, edge, topics)}.')
-
-
-def _instead_of_waiting(observation: Observation, edge: Edge,
-                        topics: Iterable[tuple[MessageTimes, NDArray[np.bool_]]]) -> str:
-    if _lead(observation, topics):
-        return 'correct the clock that stamps the messages'
-    streams = [track.stream for track in observation.dynamic_tracks(edge.child)]
-    is_slow = 'arrivals' not in observation.not_known and any(
-        stream.mean_delay < stream.period for stream in streams)
-    return f'make the publisher send the transforms {"more often" if is_slow else "sooner"}'
+            f'...). Or {instead}.')
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
@@ -1174,41 +1152,6 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
                      [observation.nodes.get(publisher, '')])
 
 
-@_check('similar_name', 'If both are the same frame, use the same name.', 'Two unconnected trees',
-        severity=WARNING)
-def _similar_name(observation: Observation) -> Iterator[_Fault]:
-    """Find roots with almost the name of a frame in another tree."""
-    roots = [root for tree in observation.trees for root in observation.roots(tree)]
-    seen = set()
-    for root in roots[:_MOST_ROOTS]:
-        for name, tree in observation.tree_of.items():
-            if (tree != observation.tree_of[root] and (name, root) not in seen
-                    and is_slip(root, name)
-                    and not _are_alike(*(observation.trees[i]
-                                         for i in (tree, observation.tree_of[root])))):
-                seen.add((root, name))
-                yield _Fault(
-                    f'{quoted(root)} is a root, and {quoted(name)} is in another tree',
-                    [track for track in observation.tracks if root in track.parents], [root, name])
-
-
-@_check(*_same('part_prefix'), explains=('several_trees', 'disconnected'))
-def _part_prefix(observation: Observation) -> Iterator[_Fault]:
-    """Find robots of whose frames only a part has a prefix."""
-    for tree, other in combinations(observation.trees[:_MOST_ROOTS], 2):
-        if names := part_prefix(tree, other, observation.parents):
-            yield _Fault(part_prefix_text(names), [
-                track for track in observation.tracks
-                if not {track.child, *track.parents}.isdisjoint(names)], names,
-                scope=observation.tree_of)
-
-
-def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
-    """Return whether two trees are those of similar robots: the names differ on purpose."""
-    return len(names) == len(others) and all(
-        is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
-
-
 @_check('missing_part', 'Read all parts of the recording: give its directory, or all its files.',
         'No static transforms from a bag', severity=WARNING)
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
@@ -1270,20 +1213,3 @@ def _static_changes(observation: Observation) -> Iterator[_Fault]:
     """Find transforms on /tf_static that change; listeners know only the newest one."""
     yield from _counted(observation, 'changes', 'with another pose than the one before',
                         attrgetter('is_static'))
-
-
-@_check('rep_105', 'Publish these frames as earth -> map -> odom -> base_link; leave out those '
-        'that you do not need.', 'Other faults', severity=INFO)
-def _rep_105(observation: Observation) -> Iterator[_Fault]:
-    """Find earth, map, odom and base_link in another order than that of REP 105."""
-    known = [name for name in _REP_105 if name in observation.tree_of]
-    for upper, lower in pairwise(known):
-        if (observation.tree_of[upper] == observation.tree_of[lower]
-                and upper not in observation.ancestors(lower)):
-            is_above = lower in observation.ancestors(upper)
-            lowest = upper if is_above else lower
-            path = [lowest, *observation.ancestors(lowest)][::-1]
-            yield _Fault(f'{lower} is {"above" if is_above else "not below"} {upper}: '
-                         f'{" -> ".join(map(shortened, path[-SHOWN:]))}',
-                         [track for name in (upper, lower)
-                          for track in observation.by_child.get(name, ())], [upper, lower])

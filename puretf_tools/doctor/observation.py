@@ -180,7 +180,7 @@ class Observation:
                  for (publisher, is_static), parents in sent.items()]
         return Facts('none', self.around._replace(
             topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
-            Frames(newest=self.parents))
+            Frames([*self.tree_of], self.parents))
 
     @property
     def stamp_clock(self) -> Optional[StampClock]:

@@ -200,7 +200,7 @@ def test_the_tree_and_the_findings_in_a_browser(ros, start, browse, tmp_path):
         page.button('similar_name: base_lnk')
         page.open_tab('Frame')
         page.until(lambda: 'is a root' in page.page.inner_text('[data-text="details"]'))
-        assert 'If both are the same frame, use the same name' in page.page.inner_text('body')
+        assert 'If they are one frame, use one name' in page.page.inner_text('body')
         page.page.screenshot(path=tmp_path / 'findings.png')
         page.open_tab('Tree')
         page.fill('Search', 'LINK_03')

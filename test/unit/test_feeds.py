@@ -164,13 +164,12 @@ def test_three_nodes_publish_the_clock():
         '/a (2 messages), /b (2 messages), /c (2 messages) publish /clock, ')
 
 
-@pytest.mark.parametrize(('delay', 'step', 'shift', 'remedy'), [
-    (250, 20, 0, 'make the publisher send the transforms sooner.'),
-    (200, 2000, 0, 'make the publisher send the transforms more often.'),
-    (0, 20, 150, 'correct the clock that stamps the messages.')])
-def test_what_to_do_instead_of_waiting(delay, step, shift, remedy):
-    """It depends on whether transforms are late, or rare, or the stamps of messages are ahead."""
-    content = [tf(i + delay, i, 'odom base') for i in range(0, 20_000, step)]
+@pytest.mark.parametrize(('delay', 'shift', 'remedy'), [
+    (250, 0, 'make the publisher send the transforms sooner, or more often.'),
+    (0, 150, 'correct the clock that stamps the messages.')])
+def test_what_to_do_instead_of_waiting(delay, shift, remedy):
+    """It depends on whether the stamps of messages are ahead."""
+    content = [tf(i + delay, i, 'odom base') for i in range(0, 20_000, 20)]
     messages = [(i, i + shift) for i in range(0, 20_000, 110)]
     (finding,) = examine(observed(content, messages)).findings
     assert finding.code == 'message_early'

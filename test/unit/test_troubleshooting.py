@@ -175,7 +175,7 @@ def test_a_section_as_text(capsys, heading):
     (['future'], ['Extrapolation into the future']),  # the name, and not the code of a finding
     (['one_shot'], ['Only one time is in the buffer']),
     (['message_too_old'], ['Messages are earlier than all data in the cache']),
-    (['rep_105'], ['Other faults'])])
+    (['loop'], ['Other faults'])])
 def test_words_and_codes_lead_to_sections(capsys, words, headings):
     """A short name, a code of `--list` or some words of the headings, in upper or lower case."""
     lines = explained(capsys, *words).splitlines()
