@@ -46,11 +46,6 @@ class Heard(NamedTuple):
     nodes: Sequence[str]  #: its node; if that is not known: those that publish on the topic
     parents: Mapping[str, str]  #: by child: the parent
 
-    @property
-    def base(self) -> str:
-        """The topic of the dynamic transforms that belongs to this one."""
-        return self.topic.removesuffix('_static')
-
 
 class Blocked(NamedTuple):
     """A node that cannot call back while a lookup waits."""

@@ -148,8 +148,8 @@ def _similar_name(facts: Facts) -> Iterator[Evidence]:
         slips = [(a, name) for a, others in ((root, names), (other, tree)) for name in others
                  if is_slip(a, name)]
         if slips and not are_robots and other in (facts.roots or [other]):
-            yield Evidence('{} is the root of a tree, and {}, almost the same name, is in another '
-                           'one'.format(*map(quoted, slips[0])), frames=slips[0])
+            yield Evidence('{} and {} are almost the same name'.format(*map(quoted, slips[0])),
+                           frames=slips[0])
 
 
 @_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
@@ -248,8 +248,7 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
        'use_sim_time and the wall clock', symptoms=_TIMES)
 def _nanosec(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.nanosec:
-        yield Evidence(f'nanosec of its stamps is {facts.edge.nanosec}; it must be below '
-                       f'{SECOND}')
+        yield Evidence(f'nanosec of its stamps is {facts.edge.nanosec}, not below {SECOND}')
 
 
 # What the ROS graph shows
@@ -335,7 +334,7 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
     others = [each for each in facts.heard if each.topic not in topics]
     trees: dict[str, dict[str, str]] = {}  # by the other topics: by child, the parent
     for each in others:
-        trees.setdefault(each.base, {}).update(each.parents)
+        trees.setdefault(each.topic.removesuffix('_static'), {}).update(each.parents)
     # If a frame is the root in several namespaces, these are robots that share it, such as a map.
     roots = Counter(root for tree in (parents, *trees.values())
                     for root in {*tree.values()} - tree.keys())
@@ -350,7 +349,7 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
         found = [child for child in tree if child in wanted] or [
             child for child in tree if tree[child] in wanted]
         for child in found[:1] if may_be_one_robot(base, own) else ():
-            sender = next(each for each in others if each.base == base
+            sender = next(each for each in others if each.topic.removesuffix('_static') == base
                           and each.parents.get(child) == tree[child])
             longest = shortened(max(own, base, key=len))
             yield Evidence(
@@ -374,8 +373,7 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
     has_stopped = symptom == 'future' and not facts.arrives
     keeps_nothing_away = symptom in _NOT_THERE and around.has_data
     if around.is_simulated and (around.now == 0 or has_stopped) and not keeps_nothing_away:
-        yield Evidence('use_sim_time is set in this node, but nothing publishes /clock'
-                       f'{" any more" if around.now else ""}')
+        yield Evidence('use_sim_time is set in this node, but nothing publishes /clock')
     if symptom in ('none', *_NO_DATA):
         publishers = {each.node for each in around.publishers or ()}
         waiting = sorted(
@@ -521,14 +519,12 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
     if facts.arrives and is_steady and not _is_in_time(facts) and (
             abs(facts.time - now) <= OTHER_CLOCK):
         yield Evidence(
-            'The data are on another clock than that of this node: '
-            f'{apart(offset, edge.latest)} it',
+            f'The data are {apart(offset, edge.latest)} the clock of this node',
             {'remedy': RULES['use_sim_time_differs'].remedy if facts.around.clock_nodes else
              PLAY if _is_played(facts) else
              'If they are simulated, publish /clock and set use_sim_time; else stamp them with '
              'the present time.' if edge.latest < SINCE_START else
-             'If this is not on purpose, correct the clock that stamps them: synchronise the '
-             'computers.'})
+             'If this is not on purpose, synchronise the clocks of the computers.'})
 
 
 @_rule('gap', 'Start {node} again.', 'Extrapolation into the future', symptoms=['future'])
