@@ -84,15 +84,11 @@ class Ear:
         """Return what was heard last."""
         if monotonic() >= self._next:
             self._next = monotonic() + _DURATION + _PAUSE  # no other thread listens meanwhile
-            with suppress(Exception):  # the node is destroyed, or ROS shut down
-                self._listen()
-        return self._heard
-
-    def _listen(self) -> None:
-        with closing(TransformSampler(self._node, ())) as sampler:
-            deadline = monotonic() + _DURATION
-            sampler.poll()
-            while monotonic() < deadline and not sampler.is_complete():
-                sleep(_POLL_INTERVAL)
+            with suppress(Exception), closing(TransformSampler(self._node, ())) as sampler:
+                deadline = monotonic() + _DURATION
                 sampler.poll()
-            self._heard = *sampler.heard(),
+                while monotonic() < deadline and not sampler.is_complete():
+                    sleep(_POLL_INTERVAL)
+                    sampler.poll()
+                self._heard = *sampler.heard(),
+        return self._heard  # as before if the node is destroyed, or ROS shut down

@@ -53,7 +53,6 @@ class Edge:
         # When a bag or a simulation starts again, listeners clear their data.
         goes_back = (stamps[1:-1] < stamps[:-2] - CACHE) & (stamps[2:] < stamps[:-2] - CACHE)
         begin = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
-        self.restart = int(arrivals[begin]) if begin else 0  #: when it has started again; 0: never
         self.child, self.arrivals, stamps = child, arrivals[begin:], stamps[begin:]
         self._newest = np.maximum.accumulate(stamps)  # (n,) at each arrival
         self._oldest = np.minimum.accumulate(stamps)
@@ -61,9 +60,9 @@ class Edge:
         self.end = int(self._newest[-1])  #: the newest stamp (ns)
 
     def has_begun(self, stamps: _Array, times: _Array) -> NDArray[np.bool_]:
-        """Return whether stamps are not older than the first transforms that arrive by a time."""
-        last = np.maximum(self.arrivals.searchsorted(times, 'right') - 1, 0)
-        return np.asarray(stamps >= self._oldest[last])
+        """Return whether a transform with these stamps or older ones has arrived by some times."""
+        number = self.arrivals.searchsorted(times, 'right')
+        return np.asarray((number > 0) & (stamps >= self._oldest[number - 1]))
 
     def reaches(self, stamps: _Array) -> _Array:
         """Return when a transform with these stamps or newer ones arrives; `_NEVER`: never."""
@@ -141,7 +140,7 @@ class Judge:
 
     def __init__(self, edges_above: Callable[[str], Optional[Sequence[Edge]]],
                  spans: Iterable[tuple[int, int]], begin: int, end: int,
-                 clock: Optional[StampClock], settling: int) -> None:
+                 clock: Optional[StampClock]) -> None:
         """
         Set what all messages have in common.
 
@@ -151,11 +150,8 @@ class Judge:
         :param begin: the beginning of the observation (ns), on the clock of the arrivals.
         :param end: its end.
         :param clock: that of the stamps; None: it is not known.
-        :param settling: messages that arrive before the first transform of an edge, or less than
-            this after it (ns), are not judged; 0: they are.
         """
-        self._edges_above, self._begin, self._end = edges_above, begin, end
-        self._clock, self._settling = clock, settling
+        self._edges_above, self._begin, self._end, self._clock = edges_above, begin, end, clock
         spans = sorted(spans)
         self._oldest = np.array([oldest for oldest, _ in spans], np.int64)
         # (n + 1,) of no frames, the first one, the first two, ..., the newest stamp
@@ -196,8 +192,7 @@ class Judge:
             reached = edge.reaches(stamps)
             slowest[reached > ready] = i
             ready = np.maximum(ready, reached)
-            begin = edge.restart or (self._settling and int(edge.arrivals[0]) + self._settling)
-            has_begun &= (arrivals >= begin) & edge.has_begun(stamps, arrivals)
+            has_begun &= edge.has_begun(stamps, arrivals)
         needed_cache = _needed_cache(edges, stamps, arrivals)
         is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE)
         is_far = self._is_far(stamps, arrivals) & bool(edges)

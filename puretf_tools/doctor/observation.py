@@ -252,8 +252,7 @@ class Observation:
         judge = Judge(
             self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
                                 if track['latest'] and not track.is_static],
-            int(arrivals.min(initial=2**63 - 1)), int(arrivals.max(initial=0)), self.stamp_clock,
-            self.statistics.settling)
+            int(arrivals.min(initial=2**63 - 1)), int(arrivals.max(initial=0)), self.stamp_clock)
         return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
 
     def dynamic_tracks(self, child: str) -> list[Track]:

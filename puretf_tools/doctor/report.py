@@ -34,9 +34,7 @@ class Report(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict of plain values, as in the JSON of `tf_doctor`."""
-        return {**self._asdict(), 'findings': [
-            {name: [*value] if isinstance(value, tuple) else value
-             for name, value in finding._asdict().items()} for finding in self.findings]}
+        return {**self._asdict(), 'findings': [each._asdict() for each in self.findings]}
 
     def __str__(self) -> str:
         """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""

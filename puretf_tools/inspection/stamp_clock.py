@@ -71,9 +71,9 @@ class StampClock:
         if not self._times:
             return None
         known, times = np.array(self._arrivals), np.array(self._times)
+        steps = np.sort(np.diff(np.array([known[-_PACE:], times[-_PACE:]])))
         # The median leaves out jumps.
-        period, step = (float(np.median(np.diff(each[-_PACE:]))) if len(each) > 1 else SECOND
-                        for each in (known, times))
+        period, step = steps[:, steps.shape[1] // 2] if len(times) > 1 else (SECOND, SECOND)
         pace = step / period if period else 1.0
         after = (arrivals - known[-1]).clip(0, 2 * period)
         before = (known[0] - arrivals).clip(0)

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from puretf import comma_list, full_name, shortened
+from puretf import comma_list, shortened
 from puretf_tools.cli.parser import UsageError
+from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy, TOPIC
 from puretf_tools.robot.joint_positions import JointPositions
@@ -39,14 +40,20 @@ class JointControl:
 
     def set(self, name: str, position: float) -> None:
         """Move a joint (rad or m)."""
-        self.positions.set(name, position)
+        if name in self.positions.free:
+            self.positions.set(name, position)
+            self._hold(name)
 
     def centre(self) -> None:
         """Move each joint to its centre."""
         self.positions.centre()
+        self._hold(*self.positions.free)
 
     def wave(self) -> None:
         """Let the robot move by itself."""
+
+    def _hold(self, *names: str) -> None:
+        """Tell the robot to hold some joints where they are, and no others."""
 
 
 class JointControls:
@@ -117,11 +124,11 @@ class JointStatePublisher(JointControls):
 
 
 class JointCommander(JointControl):
-    """Tells a node which joints to hold; shows the joint states of its namespace."""
+    """Tells a node which joints to hold; shows the joint states of its robot."""
 
     can_wave = True
 
-    def __init__(self, node: 'Node', topic: str, namespace: str, description: Description) -> None:
+    def __init__(self, node: 'Node', topic: str, states: str, description: Description) -> None:
         from sensor_msgs.msg import JointState
 
         from puretf.publisher_listener import TopicReader
@@ -131,7 +138,7 @@ class JointCommander(JointControl):
         #: When the reported positions count again, by joint (s, monotonic clock).
         self._next: dict[str, float] = {}
         self._publisher = node.create_publisher(JointState, topic, 10)
-        self._states = TopicReader(node, JointState, full_name(namespace, 'joint_states'), 1)
+        self._states = TopicReader(node, JointState, states, 1)
         self._reader = JointStateReader(node, self._states.topic)
 
     def close(self) -> None:
@@ -146,20 +153,11 @@ class JointCommander(JointControl):
                 if now >= self._next.get(name, 0.0):
                     self.positions.set(name, position)
 
-    def set(self, name: str, position: float) -> None:
-        if name in self.positions.free:
-            super().set(name, position)
-            self._send(name)
-
-    def centre(self) -> None:
-        super().centre()
-        self._send(*self.positions.free)
-
     def wave(self) -> None:
         self._next.clear()
-        self._send()  # hold no joint
+        self._hold()
 
-    def _send(self, *names: str) -> None:
+    def _hold(self, *names: str) -> None:
         self._next.update(dict.fromkeys(names, monotonic() + _PATIENCE))
         self._publisher.publish(
             _message(self._node, {name: self.positions[name] for name in names}))
@@ -173,7 +171,7 @@ class JointCommanders(JointControls):
 
     def __init__(self, node: 'Node') -> None:
         self._node = node
-        #: By topic, and the namespace of the node that listens to it.
+        #: By topic, and that of the robot's description.
         self._commanders: dict[tuple[str, str], JointCommander] = {}
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
@@ -182,22 +180,19 @@ class JointCommanders(JointControls):
             commander.take_reported()
 
     def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        listening = [(info.node_namespace, topic)
-                     for topic, types in self._node.get_topic_names_and_types()
-                     if topic.endswith('/joint_command') and JOINT_STATE in types
-                     for info in self._node.get_subscriptions_info_by_topic(topic)]
-        # Others listen, too, such as a recorder; of several, that in the longest namespace counts.
-        robots: dict[str, tuple[str, Description]] = {}
-        for namespace, topic in sorted(listening, key=lambda each: len(each[0])):
-            description = descriptions.get(full_name(namespace, TOPIC))
-            if isinstance(description, Description):
-                robots[topic] = namespace, description
         before, self._commanders = self._commanders, {}
-        for topic, (namespace, description) in sorted(robots.items())[:_MOST]:
-            key = topic, namespace
-            commander = before.pop(key, None) or JointCommander(self._node, *key, description)
-            commander.set_description(description)
-            self._commanders[key] = commander
+        for topic, types in sorted(self._node.get_topic_names_and_types()):
+            # The robot is that of the nearest namespace with a description.
+            robot = max((name for name in descriptions if topic.startswith(
+                name.removesuffix(TOPIC))), key=len, default='')
+            description = descriptions.get(robot)
+            if (isinstance(description, Description) and topic.endswith('/joint_command')
+                    and JOINT_STATE in types and self._node.count_subscribers(topic)
+                    and len(self._commanders) < _MOST):
+                commander = before.pop((topic, robot), None) or JointCommander(
+                    self._node, topic, joint_states_of(robot), description)
+                commander.set_description(description)
+                self._commanders[topic, robot] = commander
         for commander in before.values():
             commander.close()
         self.controls = [*self._commanders.values()]

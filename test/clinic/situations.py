@@ -435,7 +435,7 @@ FAULTY = [
         [DRIVER._replace(takes=lambda _: 0.3), LASER], sensors=[Sensor()]), [],
         ['message_early'], [ROBOT],
         report=['warning message_early: laser',
-                '198 of 198 messages on /scan can be transformed only after waiting for the ',
+                '195 of 195 messages on /scan can be transformed only after waiting for the ',
                 'edge odom -> base_link of /driver: 0.28 s (median), 0.28 s (95 %), 0.28 s ',
                 'timeout=Duration(seconds=0.3) in the lookup; queue of a filter: ',
                 'queue_size=3, ...)']),

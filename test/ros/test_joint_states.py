@@ -72,7 +72,7 @@ def robot_listener(ros, make_node):
 
 def joint_commander(ros, make_node):
     """Return as above, for the page."""
-    commander = JointCommander(ros.node, '/joint_command', '/', parse(URDF))
+    commander = JointCommander(ros.node, '/joint_command', '/joint_states', parse(URDF))
 
     def has_taken():
         commander.take_reported()
