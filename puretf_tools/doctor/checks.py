@@ -22,7 +22,7 @@ from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import exact_time
 from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
-from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, PERIODS, SHARE, SHORTEST_GAP
+from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, is_pause, LATE, SHARE, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.robots import joint_states_of
@@ -162,6 +162,9 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
 
 def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
     for evidence in RULES[code].find(observation.facts):
+        if len(evidence.frames) > 1 and len({observation.tree_of.get(name, name)
+                                             for name in evidence.frames}) == 1:
+            continue  # they were connected before; see changing_parent
         tracks = [track for track in observation.tracks
                   if not {*evidence.frames}.isdisjoint((track.child, *track.parents))]
         yield _Fault(evidence.text, tracks, evidence.frames, evidence.topics, evidence.nodes,
@@ -864,9 +867,13 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 def _gap(observation: Observation) -> Iterator[_Fault]:
     """Find gaps between stamps (more than 3 periods), and frames that have ended."""
     paused: list[Track] = []
+    sources = [(observation.node_of(each) or f'{id(each.stream)}', each.stream)
+               for each in observation.tracks] + [
+        (node, stream) for topic, stream in observation.topic_streams.items()
+        for node in observation.senders.get(topic) or [topic]]
     for tracks in observation.by_publisher(_has_gap):
         worst = max(tracks, key=itemgetter('largest_step'))
-        if _is_pause(observation, worst):
+        if is_pause(worst.stream, sources):
             paused += tracks
             continue
         stream, (length, before) = worst.stream, worst.stream.largest_step
@@ -916,23 +923,6 @@ def _has_gap(track: Track) -> bool:
     stream = track.stream
     return len(stream.steps) >= FEWEST and (stream.has_many_gaps or bool(
         stream.has_long_step and not stream.clock_step and (not stream.stall or stream.is_hole)))
-
-
-def _is_pause(observation: Observation, track: Track) -> bool:
-    """Return whether nothing else has arrived during the largest step of a track, either."""
-    begin, end = track.stream.arrivals_at_step
-    slack, paused = max(SHORTEST_GAP, round(track.stream.period)), set[str]()
-    streams = [(observation.node_of(each) or f'{id(each.stream)}', each.stream)
-               for each in observation.tracks] + [
-        (node, stream) for topic, stream in observation.topic_streams.items()
-        for node in observation.senders.get(topic) or [topic]]
-    for node, stream in streams:
-        i, j = stream.arrivals.searchsorted([begin + slack, end - slack])
-        if i < j:
-            return False
-        if 0 < i < len(stream.arrivals) and end - begin > PERIODS * stream.period:
-            paused.add(node)
-    return len(paused) > 1 and not track.stream.has_many_gaps
 
 
 @_check('message_early', 'Wait for the transforms, or make the publisher send them sooner, or '
@@ -1013,7 +1003,7 @@ def _late(observation: Observation) -> Iterator[_Fault]:
             worst.stream.mean_delay > 0.0) else ''
         text = (f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
                 f'stamp; the {"mean" if mean else "largest"} delay of {shortened(worst.child)} '
-                f'is {mean}{in_words(worst["greatest_delay"])}')
+                f'is {mean}{in_words(worst["greatest_delay"])}{_known(worst.stream.offset or 0)}')
         yield _of_this_clock(observation, text, tracks) or _Fault(
             text, tracks, remedy=_play(observation, tracks))
 
@@ -1027,7 +1017,7 @@ def _future(observation: Observation) -> Iterator[_Fault]:
         worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
         text = (f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
                 f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
-                f'ahead ({shortened(worst.child)})')
+                f'ahead ({shortened(worst.child)}){_known(worst.stream.offset or 0)}')
         is_synchronised = ahead is not None and abs(ahead) <= FUTURE
         is_constant = worst.stream.mean_delay < _CONSTANT * worst['least_delay']
         if is_constant and _in_time(observation) == _FRAMES and (

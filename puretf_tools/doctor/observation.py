@@ -127,8 +127,9 @@ class Observation:
 
     @cached_property
     def until(self) -> int:
-        """The end of the observation, or the last arrival (ns)."""
-        return max(self.end, *(int(track['last_time']) for track in self.tracks), 0)
+        """The end of the observation, or the last arrival of a dynamic transform (ns)."""
+        return max(self.end, 0, *(int(track['last_time']) for track in self.tracks
+                                  if not track.is_static))
 
     @cached_property
     def trees(self) -> list[list[str]]:

@@ -1,5 +1,6 @@
 """What arrives again and again, as the transforms of a frame: its arrivals and stamps, judged."""
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple, Optional
 
@@ -22,7 +23,7 @@ GAP, SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
 #: some programs send several transforms of a frame at once.
 FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
 #: A stamp that several messages have has stalled after this time (ns), and so many periods.
-_STALLED, PERIODS = SECOND, 3
+_STALLED, _PERIODS = SECOND, 3
 #: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
 #: and for more than this part of the messages.
 _TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
@@ -233,7 +234,7 @@ class Stream:
         changes = np.flatnonzero(self._all_steps) + 1
         begins, ends = np.append(0, changes), np.append(changes, len(self.stamps))
         spans, numbers = self._times[ends - 1] - self._times[begins], ends - begins
-        has_stalled = (numbers > 2) & (spans >= max(_STALLED, PERIODS * self.period))
+        has_stalled = (numbers > 2) & (spans >= max(_STALLED, _PERIODS * self.period))
         if not has_stalled.any():
             return None
         i = int(np.where(has_stalled, spans, 0).argmax())
@@ -264,3 +265,23 @@ class Stream:
         unit = ('milliseconds' if largest < 1000 else 'microseconds' if largest < 1_000_000 else
                 '')
         return f'nanosec is never above {largest}{f", as {unit} are," if unit else ""}'
+
+
+def is_pause(paused: Stream, sources: Iterable[tuple[str, Stream]]) -> bool:
+    """
+    Return whether nothing of several nodes has arrived during the largest step of a stream.
+
+    :param sources: the streams, each with its node.
+    """
+    (begin, end), nodes = paused.arrivals_at_step, set[str]()
+    first, last = begin, end  # the last arrival before the pause, and the first one after it
+    for node, stream in sources:
+        i = int(stream.arrivals.searchsorted((begin + end) // 2))
+        if 0 < i < len(stream.arrivals):
+            first = max(first, int(stream.arrivals[i - 1]))
+            last = min(last, int(stream.arrivals[i]))
+            if end - begin > _PERIODS * stream.period:
+                nodes.add(node)
+    slack = max(SHORTEST_GAP, paused.period)
+    return len(nodes) > 1 and not paused.has_many_gaps and (
+        last - first >= _STALLED and max(first - begin, end - last) <= slack)
