@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from puretf._text.names import namespace_distance as namespace_distance
     from puretf._text.names import namespace_path as namespace_path
     from puretf._text.names import quoted as quoted
-    from puretf._text.names import SECTION_NAMES as SECTION_NAMES
-    from puretf._text.names import see as see
     from puretf._text.names import shortened as shortened
     from puretf._text.names import TF_MESSAGE as TF_MESSAGE
     from puretf._text.names import visible as visible
@@ -75,7 +73,7 @@ _NAMES = {
     '_ros.messages': 'TFMessage',
     '_text.names':
         'abbreviated comma_list full_name LONGEST namespace_distance namespace_path quoted '
-        'SECTION_NAMES see shortened TF_MESSAGE visible',
+        'shortened TF_MESSAGE visible',
     '_text.similar_names': 'is_slip may_be_one_robot near_names suggest_names',
     '_text.times': 'display_time exact_time in_seconds is_frozen SECOND',
     'buffer': 'Buffer',

@@ -13,8 +13,8 @@ from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import exact_time, SECOND
 
 #: The sections that follow if no cause is known; of other symptoms, that of a missing frame.
-_SECTIONS = {'unconnected': 'Two unconnected trees', 'past': 'Extrapolation into the past',
-             'future': 'Extrapolation into the future', 'cleared': 'A jump back in time'}
+_SECTIONS = {'unconnected': 'two_trees', 'past': 'past',
+             'future': 'future', 'cleared': 'jump_back'}
 
 
 def explain(facts: Facts) -> tuple[str, tuple[str, ...]]:
@@ -84,12 +84,12 @@ def _arrivals(facts: Facts) -> str:
 
 def _without_cause(facts: Facts) -> str:
     """Say more of an early time, and where to read on."""
-    edge, text, section = facts.edge, '', _SECTIONS.get(facts.symptom, 'A frame does not exist')
+    edge, text, section = facts.edge, '', _SECTIONS.get(facts.symptom, 'missing_frame')
     if edge.child and not edge.has_dropped:
         if facts.symptom == 'past':
             text = ' No earlier transform was received.'
         if edge.oldest == edge.latest:
-            section = 'Only one time is in the buffer'
+            section = 'one_time'
     text += see(section)
     if facts.around.topics and len(facts.names) == 2 and all(
             re.fullmatch(r'[\w./-]+', name) for name in facts.names):
@@ -111,7 +111,7 @@ def publisher_end(look: Look, authority: str, is_static: bool) -> str:
 
 
 def old_data_end(look: Look, authority: str) -> str:
-    return f'{publisher_end(look, authority, False) or "."}{see("TF_OLD_DATA")}'
+    return f'{publisher_end(look, authority, False) or "."}{see("old_data")}'
 
 
 def clock_publishers(nodes: Sequence[str]) -> str:

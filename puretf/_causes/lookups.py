@@ -62,29 +62,28 @@ def _of(word: str, nodes: Sequence[str]) -> str:
 # In this process
 
 
-@_rule('time_is_duration', 'Pass a Duration as timeout=.', 'Other faults',
-       symptoms=(*_NAMES, *_TIMES), is_on_wire=False)
+@_rule('time_is_duration', 'Pass a Duration as timeout=.', 'other', symptoms=(*_NAMES, *_TIMES),
+       is_on_wire=False)
 def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
     if facts.is_duration:
         yield Evidence('The time is a Duration')
 
 
-@_rule('time_in_seconds', 'Pass times in ns.', 'Extrapolation into the past', symptoms=['past'],
-       is_on_wire=False)
+@_rule('time_in_seconds', 'Pass times in ns.', 'past', symptoms=['past'], is_on_wire=False)
 def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
     if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * SECOND <= facts.edge.latest:
         yield Evidence(f'{facts.time} s is within the data, {facts.time} ns is not')
 
 
-@_rule('no_listener', 'Create a TransformListener with this buffer.', 'A frame does not exist',
+@_rule('no_listener', 'Create a TransformListener with this buffer.', 'missing_frame',
        symptoms=['missing'], is_on_wire=False)
 def _no_listener(facts: Facts) -> Iterator[Evidence]:
     if facts.buffer.needs_listener and not facts.around.topics and not facts.buffer.names:
         yield Evidence('No TransformListener fills this buffer')
 
 
-@_rule('executor_blocked', '{remedy}', 'A lookup that waits for its own node',
-       symptoms=('future', *_NOT_THERE), needs=['listener'], is_on_wire=False)
+@_rule('executor_blocked', '{remedy}', 'own_node', symptoms=('future', *_NOT_THERE),
+       needs=['listener'], is_on_wire=False)
 def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
     around, waited, edge = facts.around, facts.waited, facts.edge
     found = {each.node for each in around.publishers or () if each.type == TF_MESSAGE}
@@ -104,15 +103,15 @@ def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
 # Names and parents
 
 
-@_rule('missing_part', '{remedy}', 'No static transforms from a bag', symptoms=_NAMES)
+@_rule('missing_part', '{remedy}', 'split_bag', symptoms=_NAMES)
 def _missing_part(facts: Facts) -> Iterator[Evidence]:
     text, remedy = facts.buffer.missing_part
     if text:
         yield Evidence(text, {'remedy': remedy})
 
 
-@_rule('changing_parent', 'Let only one parent be published for {frame}.',
-       'A frame jumps or flickers', symptoms=('unconnected', *_TIMES))
+@_rule('changing_parent', 'Let only one parent be published for {frame}.', 'jump',
+       symptoms=('unconnected', *_TIMES))
 def _changing_parent(facts: Facts) -> Iterator[Evidence]:
     edge, buffer = facts.edge, facts.buffer
     for frame in buffer.changed:
@@ -139,7 +138,7 @@ def _pairs(facts: Facts) -> Iterator[tuple[str, list[str], str, list[str]]]:
                 yield root, trees.get(root, []), other, names
 
 
-@_rule('similar_name', 'If they are one frame, use one name.', 'Two unconnected trees',
+@_rule('similar_name', 'If they are one frame, use one name.', 'two_trees',
        symptoms=['unconnected'], severity='warning')
 def _similar_name(facts: Facts) -> Iterator[Evidence]:
     """Find roots with almost the name of a frame in another tree."""
@@ -153,8 +152,7 @@ def _similar_name(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
-       'Two unconnected trees', symptoms=['unconnected'],
-       explains=('several_trees', 'disconnected'))
+       'two_trees', symptoms=['unconnected'], explains=('several_trees', 'disconnected'))
 def _part_prefix(facts: Facts) -> Iterator[Evidence]:
     """Find robots of whose frames only a part has a prefix."""
     parents = facts.buffer.newest
@@ -189,7 +187,7 @@ for _code, _what, _remedy in (
         ('unnormalized', 'the quaternion is zero', 'Set its rotation; w = 1 is none.'),
         ('loop', 'the frame is its own parent', 'Publish it with another parent.'),
         ('empty_name', 'the other name is empty', 'Set frame_id and child_frame_id.')):
-    _rule(_code, _remedy, 'Other faults', symptoms=(*_NAMES, 'future'))(
+    _rule(_code, _remedy, 'other', symptoms=(*_NAMES, 'future'))(
         partial(_refusals, _code, _what))
 
 
@@ -198,15 +196,14 @@ def _refused(count: int, child: str, nodes: Sequence[str]) -> str:
             f'{"was" if count == 1 else "were"} refused')
 
 
-@_rule('zero_stamp', 'Set header.stamp to the time of the transform.',
-       'use_sim_time and the wall clock', symptoms=_TIMES)
+@_rule('zero_stamp', 'Set header.stamp to the time of the transform.', 'clock', symptoms=_TIMES)
 def _zero_stamp(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.oldest == facts.edge.latest == 0:
         yield Evidence('All its stamps are 0')
 
 
-@_rule('use_sim_time_differs', 'Set use_sim_time in all nodes, or in none.',
-       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'clock_nodes'))
+@_rule('use_sim_time_differs', 'Set use_sim_time in all nodes, or in none.', 'clock',
+       symptoms=_TIMES, needs=('now', 'clock_nodes'))
 def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
     """One of time and data is on the clock of the node, the other one is not."""
     edge, around, now = facts.edge, facts.around, facts.around.now
@@ -227,7 +224,7 @@ def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
             f'{listed(around.clock_nodes)} publish{"es" * (len(around.clock_nodes) == 1)} /clock')
 
 
-@_rule('time_goes_back', '{remedy}', 'TF_OLD_DATA', symptoms=_TIMES)
+@_rule('time_goes_back', '{remedy}', 'old_data', symptoms=_TIMES)
 def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     edge, around = facts.edge, facts.around
     is_cause = (edge.is_refusing and facts.time <= edge.latest + OTHER_CLOCK
@@ -245,7 +242,7 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('nanosec', 'Split the time into sec and nanosec, as rclpy.time.Time.to_msg() does.',
-       'use_sim_time and the wall clock', symptoms=_TIMES)
+       'clock', symptoms=_TIMES)
 def _nanosec(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.nanosec:
         yield Evidence(f'nanosec of its stamps is {facts.edge.nanosec}, not below {SECOND}')
@@ -255,7 +252,7 @@ def _nanosec(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('wrong_type', 'Send transforms with a TransformBroadcaster or a '
-       'StaticTransformBroadcaster.', 'A frame does not exist', symptoms=_NO_DATA,
+       'StaticTransformBroadcaster.', 'missing_frame', symptoms=_NO_DATA,
        explains=['no_transforms'])
 def _wrong_type(facts: Facts) -> Iterator[Evidence]:
     """Find messages of another type on /tf and /tf_static; no listener receives them."""
@@ -265,8 +262,8 @@ def _wrong_type(facts: Facts) -> Iterator[Evidence]:
                            f'{topic}, not {TF_MESSAGE}', nodes=[node], topics=[topic])
 
 
-@_rule('volatile_listener', 'Omit static_qos, or make it transient local.',
-       'The QoS of /tf_static', symptoms=_NO_DATA, needs=['publishers'])
+@_rule('volatile_listener', 'Omit static_qos, or make it transient local.', 'tf_static',
+       symptoms=_NO_DATA, needs=['publishers'])
 def _volatile_listener(facts: Facts) -> Iterator[Evidence]:
     if facts.around.is_volatile:
         yield Evidence(f'This listener of {facts.around.topics[0]} is not transient local, so it '
@@ -299,13 +296,12 @@ for _code, _lack, _remedy in (
         ('static_not_latched', 'transient local', 'Send with a StaticTransformBroadcaster.'),
         ('incompatible_qos', 'reliable', 'Send with a TransformBroadcaster, or pass a best-effort '
          'qos to the TransformListener.')):
-    _rule(_code, _remedy, 'The QoS of /tf_static', symptoms=_NO_DATA, needs=['publishers'],
+    _rule(_code, _remedy, 'tf_static', symptoms=_NO_DATA, needs=['publishers'],
           explains=['no_transforms'], meaning=_unmatched.__doc__)(partial(_unmatched, _lack))
 
 
-@_rule('other_namespace', 'To listen to {topic}, pass {options}.',
-       'A leading slash, or a namespace', symptoms=_NO_DATA, explains=['no_transforms'],
-       severity='warning')
+@_rule('other_namespace', 'To listen to {topic}, pass {options}.', 'namespace', symptoms=_NO_DATA,
+       explains=['no_transforms'], severity='warning')
 def _other_namespace(facts: Facts) -> Iterator[Evidence]:
     """Find transforms on the topic tf of a namespace, while /tf has none."""
     around = facts.around
@@ -325,8 +321,8 @@ def _listening_to(topic: str) -> str:
             f'commands, {option}')
 
 
-@_rule('half_namespace', '{remedy}', 'Half of a robot is in a namespace', symptoms=_NAMES,
-       needs=['listener'], is_costly=True,
+@_rule('half_namespace', '{remedy}', 'half_namespace', symptoms=_NAMES, needs=['listener'],
+       is_costly=True,
        explains=('silent_publisher', 'several_trees', 'disconnected', 'other_namespace'))
 def _half_namespace(facts: Facts) -> Iterator[Evidence]:
     topics, parents = facts.around.topics, facts.buffer.newest
@@ -362,9 +358,9 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
                  if joints else ''}, sender.nodes, [sender.topic], [tree[child], child])
 
 
-@_rule('no_clock', 'Start what publishes /clock, or set use_sim_time to false.',
-       'use_sim_time and the wall clock', symptoms=(*_NO_DATA, *_TIMES, 'cleared'),
-       needs=['clock_nodes'], explains=('gap', 'other_clock', 'no_transforms'))
+@_rule('no_clock', 'Start what publishes /clock, or set use_sim_time to false.', 'clock',
+       symptoms=(*_NO_DATA, *_TIMES, 'cleared'), needs=['clock_nodes'],
+       explains=('gap', 'other_clock', 'no_transforms'))
 def _no_clock(facts: Facts) -> Iterator[Evidence]:
     """Find nodes that wait for /clock, which nothing publishes."""
     around, symptom = facts.around, facts.symptom
@@ -385,8 +381,8 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
                            'nothing publishes', nodes=waiting)
 
 
-@_rule('joint_without_state', '{remedy}', 'A frame does not exist', symptoms=_NO_DATA,
-       needs=['publishers'], explains=('no_transforms', 'link_without_transform'))
+@_rule('joint_without_state', '{remedy}', 'missing_frame', symptoms=_NO_DATA, needs=['publishers'],
+       explains=('no_transforms', 'link_without_transform'))
 def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
     states = facts.around.joint_states
     for node in dict.fromkeys(each.node for each in facts.around.publishers or ()):
@@ -407,7 +403,7 @@ def remap(topic: str, other: str) -> str:
     return f'Remap one of them: -r {topic}:={shortened(other)}.'
 
 
-@_rule('no_robot_state_publisher', 'Start robot_state_publisher FILE.', 'A frame does not exist',
+@_rule('no_robot_state_publisher', 'Start robot_state_publisher FILE.', 'missing_frame',
        symptoms=_NOTHING, needs=['publishers'], explains=['no_transforms'])
 def _no_robot_state_publisher(facts: Facts) -> Iterator[Evidence]:
     """Find joint states while nothing publishes transforms."""
@@ -419,7 +415,7 @@ def _no_robot_state_publisher(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('no_transforms', 'Start a program that publishes, with the same ROS_DOMAIN_ID.',
-       'A frame does not exist', symptoms=_NOTHING, needs=['publishers'], is_costly=True)
+       'missing_frame', symptoms=_NOTHING, needs=['publishers'], is_costly=True)
 def _no_transforms(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     if not (around.has_data or around.publishers or around.is_new):
@@ -429,8 +425,8 @@ def _no_transforms(facts: Facts) -> Iterator[Evidence]:
             around.hides_others and f'{around.hides_others} hides other machines'))))
 
 
-@_rule('other_user', 'Run all nodes as one user.', 'A frame does not exist',
-       symptoms=_NOTHING, is_costly=True, explains=('no_transforms', 'silent_publisher'))
+@_rule('other_user', 'Run all nodes as one user.', 'missing_frame', symptoms=_NOTHING,
+       is_costly=True, explains=('no_transforms', 'silent_publisher'))
 def _other_user(facts: Facts) -> Iterator[Evidence]:
     """Find nodes of another user, from which Fast DDS brings nothing."""
     around = facts.around
@@ -441,7 +437,7 @@ def _other_user(facts: Facts) -> Iterator[Evidence]:
                        'no memory with other users', topics=around.topics[::-1])
 
 
-@_rule('silent_publisher', '', 'A frame does not exist', symptoms=_NOT_THERE, is_costly=True,
+@_rule('silent_publisher', '', 'missing_frame', symptoms=_NOT_THERE, is_costly=True,
        severity='info')
 def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
     """Find publishers on /tf and /tf_static from which nothing arrives."""
@@ -473,8 +469,8 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
 # Times without data
 
 
-@_rule('two_clocks', 'Stop all but one.', 'Two nodes on /joint_states or /clock',
-       symptoms=('cleared', *_TIMES), needs=['clock_nodes'])
+@_rule('two_clocks', 'Stop all but one.', 'two_nodes', symptoms=('cleared', *_TIMES),
+       needs=['clock_nodes'])
 def _two_clocks(facts: Facts) -> Iterator[Evidence]:
     nodes = facts.around.clock_nodes or ()
     if facts.around.is_simulated and len(nodes) > 1:
@@ -482,22 +478,21 @@ def _two_clocks(facts: Facts) -> Iterator[Evidence]:
                        f'{listed(nodes)}')
 
 
-@_rule('frozen_stamp', _SEND_AGAIN, 'Only one time is in the buffer', symptoms=_TIMES)
+@_rule('frozen_stamp', _SEND_AGAIN, 'one_time', symptoms=_TIMES)
 def _frozen_stamp(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.is_frozen and not facts.edge.refused:
         yield Evidence('All that have arrived have this stamp')
 
 
-@_rule('one_shot', _SEND_AGAIN, 'Only one time is in the buffer', symptoms=_TIMES,
-       needs=['listener'])
+@_rule('one_shot', _SEND_AGAIN, 'one_time', symptoms=_TIMES, needs=['listener'])
 def _one_shot(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     if edge.samples == 1 and edge.silence > _ONCE and not (edge.has_dropped or edge.refused):
         yield Evidence(f'Only one has arrived, {edge.silence / SECOND:.1f} s ago')
 
 
-@_rule('message_other_clock', 'If a message has it, correct the clock of its sender.',
-       'use_sim_time and the wall clock', symptoms=_TIMES, needs=('now', 'listener'))
+@_rule('message_other_clock', 'If a message has it, correct the clock of its sender.', 'clock',
+       symptoms=_TIMES, needs=('now', 'listener'))
 def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
     now = facts.around.now
     if not now or not facts.arrives or not _is_in_time(facts):
@@ -510,7 +505,7 @@ def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
                        'the data are in time')
 
 
-@_rule('other_clock', '{remedy}', 'use_sim_time and the wall clock', symptoms=_TIMES)
+@_rule('other_clock', '{remedy}', 'clock', symptoms=_TIMES)
 def _other_clock(facts: Facts) -> Iterator[Evidence]:
     edge, offset, now = facts.edge, facts.offset, facts.around.now or 0
     # A network that is late for a while delays some of the data, not all.
@@ -527,7 +522,7 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
              'If this is not on purpose, synchronise the clocks of the computers.'})
 
 
-@_rule('gap', 'Start {node} again.', 'Extrapolation into the future', symptoms=['future'])
+@_rule('gap', 'Start {node} again.', 'future', symptoms=['future'])
 def _gap(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     node = around.ended.get(facts.edge.authority, '')
@@ -536,8 +531,7 @@ def _gap(facts: Facts) -> Iterator[Evidence]:
                        {'node': shortened(node)})
 
 
-@_rule('too_soon', '{remedy}.', 'Extrapolation into the future', symptoms=['future'],
-       is_on_wire=False)
+@_rule('too_soon', '{remedy}.', 'future', symptoms=['future'], is_on_wire=False)
 def _too_soon(facts: Facts) -> Iterator[Evidence]:
     edge, waited = facts.edge, facts.waited
     ahead = facts.time - edge.latest
@@ -554,7 +548,7 @@ def _too_soon(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('cache_too_short', 'If that time is right, pass cache_time={cache} to the buffer, or look '
-       'up sooner.', 'Extrapolation into the past', symptoms=['past'], is_on_wire=False)
+       'up sooner.', 'past', symptoms=['past'], is_on_wire=False)
 def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     age = edge.latest - facts.time
@@ -564,16 +558,16 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
             {'cache': f'{ceil(age / SECOND) + 1} s'})
 
 
-@_rule('too_many_samples', 'Pass a larger max_samples to the buffer.',
-       'Extrapolation into the past', symptoms=['past'], is_on_wire=False)
+@_rule('too_many_samples', 'Pass a larger max_samples to the buffer.', 'past', symptoms=['past'],
+       is_on_wire=False)
 def _too_many_samples(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     if edge.is_full and edge.latest - facts.time <= edge.cache_time:
         yield Evidence('Its earlier transforms have been dropped before the cache time was over')
 
 
-@_rule('cleared', 'Pass timeout= to wait for the next one.', 'A jump back in time',
-       symptoms=['cleared'], needs=['listener'], is_on_wire=False)
+@_rule('cleared', 'Pass timeout= to wait for the next one.', 'jump_back', symptoms=['cleared'],
+       needs=['listener'], is_on_wire=False)
 def _cleared(facts: Facts) -> Iterator[Evidence]:
     nodes = facts.around.clock_nodes or ()
     if facts.around.is_simulated and len(nodes) == 1 and any(nodes):

@@ -22,7 +22,7 @@ class Rule(NamedTuple):
 
     code: str  #: the cause, such as 'changing_parent'
     remedy: str  #: what to do, in one sentence; in braces: values of the evidence
-    section: str  #: the heading in docs/troubleshooting.md
+    section: str  #: the short name of one in docs/troubleshooting.md
     #: Returns the evidence for each time that the facts satisfy the rule.
     find: Callable[[Any], Iterable[Any]]
     symptoms: Collection[str] = ()  #: the symptoms of a lookup that it explains; see `facts`

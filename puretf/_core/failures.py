@@ -162,4 +162,4 @@ def _loop(chain: list[str]) -> str:
     if len(loop) == len(below):
         return f'There is no loop, but a chain of more than {len(below)} edges.'
     return (f'The loop: {" -> ".join(map(quoted, (last, *loop, last)))}. Remove one of these '
-            f'transforms.{see("Other faults")}')
+            f'transforms.{see("other")}')

@@ -74,39 +74,39 @@ def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = s
     return f'{", ".join(map(write, texts[:shown]))}{more}'
 
 
-#: By heading: the short names of the sections of docs/troubleshooting.md.
-SECTION_NAMES = {
-    'Extrapolation into the future': 'future',
-    'Extrapolation into the past': 'past',
-    'Only one time is in the buffer': 'one_time',
-    'A frame does not exist': 'missing_frame',
-    'Two unconnected trees': 'two_trees',
-    'TF_OLD_DATA': 'old_data',
-    'TF_REPEATED_DATA': 'repeated_data',
-    'The queue of a message filter is full': 'full_queue',
-    'Messages are earlier than all data in the cache': 'old_messages',
-    'use_sim_time and the wall clock': 'clock',
-    'The QoS of /tf_static': 'tf_static',
-    'No static transforms from a bag': 'split_bag',
-    'A frame jumps or flickers': 'jump',
-    'A jump back in time': 'jump_back',
-    'A leading slash, or a namespace': 'namespace',
-    'Half of a robot is in a namespace': 'half_namespace',
-    'Two nodes on /joint_states or /clock': 'two_nodes',
-    'A lookup that waits for its own node': 'own_node',
-    'Other faults': 'other'}
+#: By short name: the headings of the sections of docs/troubleshooting.md.
+SECTIONS = {
+    'future': 'Extrapolation into the future',
+    'past': 'Extrapolation into the past',
+    'one_time': 'Only one time is in the buffer',
+    'missing_frame': 'A frame does not exist',
+    'two_trees': 'Two unconnected trees',
+    'old_data': 'TF_OLD_DATA',
+    'repeated_data': 'TF_REPEATED_DATA',
+    'full_queue': 'The queue of a message filter is full',
+    'old_messages': 'Messages are earlier than all data in the cache',
+    'clock': 'use_sim_time and the wall clock',
+    'tf_static': 'The QoS of /tf_static',
+    'split_bag': 'No static transforms from a bag',
+    'jump': 'A frame jumps or flickers',
+    'jump_back': 'A jump back in time',
+    'namespace': 'A leading slash, or a namespace',
+    'half_namespace': 'Half of a robot is in a namespace',
+    'two_nodes': 'Two nodes on /joint_states or /clock',
+    'own_node': 'A lookup that waits for its own node',
+    'other': 'Other faults'}
 
 
-def see(heading: str) -> str:
+def see(section: str) -> str:
     """
     Return the end of a hint: the command that prints a section of docs/troubleshooting.md.
 
     There is no period after the command, so that it can be copied.
 
-    >>> see('TF_OLD_DATA')
+    >>> see('old_data')
     ' More: tf_doctor --explain old_data'
     """
-    return f' More: tf_doctor --explain {SECTION_NAMES[heading]}'
+    return f' More: tf_doctor --explain {section}'
 
 
 def namespace_path(namespace: str) -> str:

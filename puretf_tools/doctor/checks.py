@@ -61,7 +61,7 @@ class Finding(NamedTuple):
     nodes: tuple[str, ...]  #: the full names of the nodes that publish them, if known
     evidence: str  #: what was observed, in numbers
     remedy: str  #: what to do, in one sentence
-    section: str  #: the heading in docs/troubleshooting.md
+    section: str  #: the short name of one in docs/troubleshooting.md
     time: int  #: when it was, by the stamps (ns); 0: at no single time
 
 
@@ -150,7 +150,7 @@ def _of_frame(code: str, observation: Observation, tracks: Sequence[Track]) -> s
 
 
 @_check('no_transforms', 'Start the nodes that publish transforms, in the same ROS domain.',
-        'A frame does not exist')
+        'missing_frame')
 def _no_transforms(observation: Observation) -> Iterator[_Fault]:
     """Find that nothing was received on /tf and /tf_static."""
     if not observation.tracks:
@@ -178,8 +178,8 @@ for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
     CHECKS[_code] = RULES[_code]._replace(find=partial(_found_by, _code), needs=(_need,))
 
 
-@_check('two_publishers', 'Stop one of the publishers, or give its frame another name.',
-        'A frame jumps or flickers', needs=('nodes',))
+@_check('two_publishers', 'Stop one of the publishers, or give its frame another name.', 'jump',
+        needs=('nodes',))
 def _two_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find two publishers that send a frame at the same time, so that it jumps."""
     pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
@@ -214,7 +214,7 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
 
 
 @_check('many_publishers', 'Create the broadcaster once, with the node, and not in the callback '
-        'of a timer.', 'Other faults', needs=('nodes',), explains=('no_transforms', 'gap'))
+        'of a timer.', 'other', needs=('nodes',), explains=('no_transforms', 'gap'))
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that create publishers again and again: what they send first can be lost."""
     for (node, topic), publishers in observation.recreated.items():
@@ -233,8 +233,8 @@ def _many_publishers(observation: Observation) -> Iterator[_Fault]:
             'create its broadcaster once.' if how else '', WARNING if how else '')
 
 
-@_check(*_same('changing_parent'), explains=(
-    'static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', 'gap'))
+@_check(*_same('changing_parent'),
+        explains=('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', 'gap'))
 def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     """Find frames whose parent changes, and with it the shape of the tree."""
     for child, tracks in observation.by_child.items():
@@ -275,8 +275,7 @@ def _take_turns(observation: Observation, a: Track, b: Track) -> bool:
     return bool(np.count_nonzero(np.diff(turns)) <= _FEW_SWITCHES)
 
 
-@_check('static_and_dynamic', 'Let only one of the two topics have {frame}.',
-        'A frame jumps or flickers')
+@_check('static_and_dynamic', 'Let only one of the two topics have {frame}.', 'jump')
 def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
     """Find frames on both /tf and /tf_static; listeners use now one, now the other."""
     for child, tracks in observation.by_child.items():
@@ -290,7 +289,7 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('loop', 'Remove one of the transforms: the frame at the top, such as map, must have no '
-        'parent.', 'Other faults')
+        'parent.', 'other')
 def _loop(observation: Observation) -> Iterator[_Fault]:
     """Find frames that are parents of each other in a circle; lookups through them fail."""
     seen = set[str]()
@@ -308,7 +307,7 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
-        'that sends the messages.', 'A frame does not exist', needs=('headers',))
+        'that sends the messages.', 'missing_frame', needs=('headers',))
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
@@ -335,8 +334,7 @@ def _is_no_place(observation: Observation, frame: str) -> bool:
 
 @_check('joint_without_state', 'Send its position on the topic joint_states, with the time, and '
         'under the name that the description gives it; joint_state_publisher does this.',
-        'A frame does not exist',
-        explains=('link_without_transform', 'no_transforms'))
+        'missing_frame', explains=('link_without_transform', 'no_transforms'))
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
     """Find movable joints without joint states; the links below them are cut off."""
     if found := [*_found_by('joint_without_state', observation)]:
@@ -368,8 +366,7 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
                          scope=[start + link for link in robot.links] if others else None)
 
 
-@_check('disconnected', 'Publish a transform between the trees.', 'Two unconnected trees',
-        needs=('headers',))
+@_check('disconnected', 'Publish a transform between the trees.', 'two_trees', needs=('headers',))
 def _disconnected(observation: Observation) -> Iterator[_Fault]:
     """Find headers of messages with frames of different trees."""
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
@@ -396,7 +393,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('volatile_listener', 'Use a TransformListener, or give the subscription the durability '
-        'TRANSIENT_LOCAL.', 'The QoS of /tf_static', severity=WARNING, needs=('listeners',))
+        'TRANSIENT_LOCAL.', 'tf_static', severity=WARNING, needs=('listeners',))
 def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
     """Find listeners of /tf_static that miss what was sent before their start."""
     for node in observation.volatile_listeners:
@@ -419,8 +416,8 @@ def _not_a_number(observation: Observation) -> Iterator[_Fault]:
     yield from _counted(observation, 'invalid', 'with NaN or an infinite number')
 
 
-@_check('unnormalized', 'Normalise the quaternion before it is sent; all zeros often mean that '
-        'it was never set: set w = 1.', 'Other faults')
+@_check('unnormalized', 'Normalise the quaternion before it is sent; all zeros often mean that it '
+        'was never set: set w = 1.', 'other')
 def _unnormalized(observation: Observation) -> Iterator[_Fault]:
     """Find quaternions whose norm is not 1 (within 0.001), so that they are no rotations."""
     for tracks in observation.by_publisher(itemgetter('unnormalized')):
@@ -440,7 +437,7 @@ def _share(tracks: Sequence[Track], field: str) -> str:
             f'{_names(map(_child_of, tracks))}')
 
 
-@_check('other_clock', 'Look at the clock that stamps them.', 'use_sim_time and the wall clock',
+@_check('other_clock', 'Look at the clock that stamps them.', 'clock',
         explains=('late', 'future', 'gap', *_WAITING))
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find stamps of another clock: far from the arrival, or off while others are in time."""
@@ -552,8 +549,8 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
                          f'those of {shortened(clock.child)}', [track])
 
 
-@_check(*_same('nanosec'), explains=(
-    *_OF_STAMPS, 'two_publishers', 'message_other_clock', *_WAITING))
+@_check(*_same('nanosec'),
+        explains=(*_OF_STAMPS, 'two_publishers', 'message_other_clock', *_WAITING))
 def _nanosec(observation: Observation) -> Iterator[_Fault]:
     """Find stamps whose nanosec is not the nanoseconds within the second."""
     found: list[tuple[str, Sequence[str], str, Sequence[str]]] = [
@@ -572,8 +569,8 @@ def _nanosec(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(f'{text} in stamps of {_names(frames)}', (), frames, [name], nodes)
 
 
-@_check(*_same('frozen_stamp'), explains=(
-    'same_stamp', 'jump', 'time_goes_back', 'message_other_clock', *_WAITING))
+@_check(*_same('frozen_stamp'),
+        explains=('same_stamp', 'jump', 'time_goes_back', 'message_other_clock', *_WAITING))
 def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that do not advance; lookups at any other time fail."""
     for tracks in observation.by_publisher(itemgetter('stall')):
@@ -590,7 +587,7 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('zero_stamp', 'Set the stamp to the time for which the transform is valid; with '
-        'use_sim_time, wait until /clock is received.', 'use_sim_time and the wall clock')
+        'use_sim_time, wait until /clock is received.', 'clock')
 def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find transforms on /tf with the stamp 0; lookups at any other time fail."""
     # Each run of a simulation may begin with a single stamp 0.
@@ -598,8 +595,8 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
         track['zero_stamps'] > 1 + track['backwards'] or not 0 < track['oldest'] < OTHER_CLOCK))
 
 
-@_check('message_other_clock', 'Look at the clock that stamps the messages.',
-        'use_sim_time and the wall clock', needs=('headers',))
+@_check('message_other_clock', 'Look at the clock that stamps the messages.', 'clock',
+        needs=('headers',))
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find messages whose stamps are of another clock than those of the transforms."""
     newest = max((track['latest'] for track in observation.tracks), default=0)
@@ -624,7 +621,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
-        'Messages are earlier than all data in the cache', needs=('headers',))
+        'old_messages', needs=('headers',))
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive when a cache of 10 s has dropped their transforms."""
     for topic, found in _found(observation, Verdict.TOO_OLD):
@@ -642,9 +639,9 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
             f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE else None)
 
 
-@_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its '
-        'clock slow, or does it send so rarely that --time must be longer?',
-        'The queue of a message filter is full', needs=('headers',))
+@_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its clock '
+        'slow, or does it send so rarely that --time must be longer?', 'full_queue',
+        needs=('headers',))
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     """Find messages that wait in vain: the transforms never reach their stamps."""
     for edge, topics in _by_edge(observation, Verdict.NEVER):
@@ -742,9 +739,8 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
             f'{f" of {node}" if node else ""}')
 
 
-@_check('half_namespace', 'Remap both /tf and /tf_static in all nodes of the robot, or in none '
-        'of them.', RULES['half_namespace'].section, explains=(
-            *RULES['half_namespace'].explains, 'unknown_frame'))
+@_check('half_namespace', 'Remap both /tf and /tf_static in all nodes of the robot, or in none of '
+        'them.', 'half_namespace', explains=(*RULES['half_namespace'].explains, 'unknown_frame'))
 def _half_namespace(observation: Observation) -> Iterator[_Fault]:
     """Find transforms in another namespace that continue the tree."""
     there = {name for each in observation.other_transforms
@@ -753,8 +749,8 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
         yield fault._replace(scope=there | observation.tree_of.keys())
 
 
-@_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.',
-        'Two nodes on /joint_states or /clock', explains=(*_OF_STAMPS, 'other_clock'))
+@_check('two_joint_publishers', 'Stop one of the two nodes, or remap its topic.', 'two_nodes',
+        explains=(*_OF_STAMPS, 'other_clock'))
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that send the position of the same joint, which jumps."""
     for topic, all_senders in observation.joint_senders.items():
@@ -790,8 +786,8 @@ def _counts(senders: Sequence[Sender]) -> str:
 
 
 @_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or play '
-        'the bag without --clock.', 'Two nodes on /joint_states or /clock', explains=(
-            *_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock', 'message_other_clock',
+        'the bag without --clock.', 'two_nodes',
+        explains=(*_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock', 'message_other_clock',
             *_WAITING))
 def _two_clocks(observation: Observation) -> Iterator[_Fault]:
     """Find two nodes that publish /clock, so that the time jumps back and forth."""
@@ -802,8 +798,8 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
             [sender.node for sender in senders], scope=())
 
 
-@_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look '
-        'at the node that publishes /clock.', 'use_sim_time and the wall clock', severity=WARNING,
+@_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look at '
+        'the node that publishes /clock.', 'clock', severity=WARNING,
         explains=(*_OF_STAMPS, 'frozen_stamp', 'zero_stamp', 'one_shot', *_WAITING))
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
@@ -862,8 +858,7 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 
 
 @_check('gap', 'Look at the node that publishes the frame: has it stopped, is it busy, does it '
-        'lose input, or does it publish only when something happens?',
-        'Extrapolation into the future', severity=WARNING)
+        'lose input, or does it publish only when something happens?', 'future', severity=WARNING)
 def _gap(observation: Observation) -> Iterator[_Fault]:
     """Find gaps between stamps (more than 3 periods), and frames that have ended."""
     paused: list[Track] = []
@@ -926,7 +921,7 @@ def _has_gap(track: Track) -> bool:
 
 
 @_check('message_early', 'Wait for the transforms, or make the publisher send them sooner, or '
-        'more often.', 'Extrapolation into the future', severity=WARNING, needs=('headers',))
+        'more often.', 'future', severity=WARNING, needs=('headers',))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
@@ -946,8 +941,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
-        'wait until /clock is received.', 'use_sim_time and the wall clock', severity=WARNING,
-        needs=('headers',))
+        'wait until /clock is received.', 'clock', severity=WARNING, needs=('headers',))
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find messages with the stamp 0; lookups for them take the latest transform."""
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
@@ -958,7 +952,7 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('jump', 'If two nodes publish the frame, stop one of them; otherwise, look at the node '
-        'that computes its pose.', 'A frame jumps or flickers', severity=WARNING)
+        'that computes its pose.', 'jump', severity=WARNING)
 def _jump(observation: Observation) -> Iterator[_Fault]:
     """Find frames that move ten times as fast from one pose to the next as they do otherwise."""
     for track in observation.tracks:
@@ -991,9 +985,9 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
                      f'{in_words(end - tracks[0]["last_time"])}', tracks)
 
 
-@_check('late', 'Look at the node that publishes the frame and at the network: one of them is '
-        'too slow, or the clocks of two computers differ.', 'Extrapolation into the future',
-        severity=WARNING, needs=('arrivals',))
+@_check('late', 'Look at the node that publishes the frame and at the network: one of them is too '
+        'slow, or the clocks of two computers differ.', 'future', severity=WARNING,
+        needs=('arrivals',))
 def _late(observation: Observation) -> Iterator[_Fault]:
     """Find transforms that arrive more than 0.5 s after their stamp."""
     for tracks in observation.by_publisher(lambda track: track.stream.has_many('late')):
@@ -1009,8 +1003,8 @@ def _late(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
-        'transforms into the future on purpose (transform_tolerance).',
-        'use_sim_time and the wall clock', severity=WARNING, needs=('arrivals',))
+        'transforms into the future on purpose (transform_tolerance).', 'clock', severity=WARNING,
+        needs=('arrivals',))
 def _future(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are more than 0.1 s later than their arrival."""
     for tracks in observation.by_publisher(lambda track: track.stream.has_many('future')):
@@ -1063,7 +1057,7 @@ def _in_time(observation: Observation) -> str:
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
-        'simulation or a bag was started again, restart the listeners, too.', 'TF_OLD_DATA',
+        'simulation or a bag was started again, restart the listeners, too.', 'old_data',
         severity=WARNING)
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are earlier than those before; listeners may refuse them."""
@@ -1108,16 +1102,15 @@ def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
             f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
 
 
-@_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish '
-        'the frame, stop one of them.', 'TF_REPEATED_DATA', severity=WARNING)
+@_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish the '
+        'frame, stop one of them.', 'repeated_data', severity=WARNING)
 def _same_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find different poses of a frame with the same stamp."""
     yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
                         'pose', lambda track: not track.is_static)
 
 
-@_check('leading_slash', 'Leave out the slash.', 'A leading slash, or a namespace',
-        severity=WARNING)
+@_check('leading_slash', 'Leave out the slash.', 'namespace', severity=WARNING)
 def _leading_slash(observation: Observation) -> Iterator[_Fault]:
     """Find frames whose names begin with a slash; tf2 refuses lookups of them."""
     for tracks in observation.by_publisher(attrgetter('slashed')):
@@ -1143,16 +1136,15 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('missing_part', 'Read all parts of the recording: give its directory, or all its files.',
-        'No static transforms from a bag', severity=WARNING)
+        'split_bag', severity=WARNING)
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
     """Find recordings without their first part, which has the static transforms."""
     if observation.missing_part:
         yield _Fault(observation.missing_part, topics=observation.topics[1:])
 
 
-@_check('link_without_transform', 'Start robot_state_publisher with this description; if it '
-        'runs, compare its frame_prefix with the names of the frames.', 'Other faults',
-        severity=WARNING)
+@_check('link_without_transform', 'Start robot_state_publisher with this description; if it runs, '
+        'compare its frame_prefix with the names of the frames.', 'other', severity=WARNING)
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
     """Find links of robot descriptions that no transform leads to."""
     for robot, start in observation.own_robots:
@@ -1175,8 +1167,7 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
 # Infos
 
 
-@_check('slow_clock', 'Raise the rate of /clock.', 'use_sim_time and the wall clock',
-        severity=INFO)
+@_check('slow_clock', 'Raise the rate of /clock.', 'clock', severity=INFO)
 def _slow_clock(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock comes rarely, so that it is behind the stamps."""
     for sender in observation.clocks:
@@ -1188,7 +1179,7 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',
-        'Two unconnected trees', severity=INFO)
+        'two_trees', severity=INFO)
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     """Find several trees; lookups from one to another fail."""
     if len(observation.trees) > 1:
@@ -1197,8 +1188,7 @@ def _several_trees(observation: Observation) -> Iterator[_Fault]:
                      remedy=observation.missing_part)
 
 
-@_check('static_changes', 'Publish a transform that changes on /tf.', 'Other faults',
-        severity=INFO)
+@_check('static_changes', 'Publish a transform that changes on /tf.', 'other', severity=INFO)
 def _static_changes(observation: Observation) -> Iterator[_Fault]:
     """Find transforms on /tf_static that change; listeners know only the newest one."""
     yield from _counted(observation, 'changes', 'with another pose than the one before',

@@ -5,7 +5,8 @@ from collections.abc import Collection, Iterator, Sequence
 import os
 from typing import Any, NamedTuple, Union
 
-from puretf import comma_list, see, shortened, suggest_names, visible
+from puretf import comma_list, shortened, suggest_names, visible
+from puretf._text.names import see
 from puretf.bag import Bag, Paths
 from puretf.bag import open as open_bag
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked

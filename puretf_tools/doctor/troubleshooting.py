@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-from puretf import SECTION_NAMES, suggest_names
+from puretf._text.names import SECTIONS
+from puretf._text.similar_names import suggest_names
 from puretf_tools.doctor.checks import CHECKS
 from puretf_tools.inspection.terminal import columns, wrapped
 
@@ -22,15 +23,14 @@ def explained(words: str) -> str:
     :raises ValueError: if they mean none.
     """
     if not words:
-        return '\n'.join(columns([(name, heading) for heading, name in SECTION_NAMES.items()]))
-    headings = [heading for heading, name in SECTION_NAMES.items() if name == words] or (
-        [CHECKS[words].section] if words in CHECKS else
-        [heading for heading in SECTION_NAMES
-         if all(word in heading.lower() for word in words.lower().split())])
-    if not headings:
-        names = (*SECTION_NAMES.values(), *CHECKS)
-        raise ValueError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
-    return '\n\n'.join('\n'.join(_section(heading)) for heading in headings)
+        return '\n'.join(columns([*SECTIONS.items()]))
+    found = [words] if words in SECTIONS else [CHECKS[words].section] if words in CHECKS else [
+        name for name, heading in SECTIONS.items()
+        if all(word in heading.lower() for word in words.lower().split())]
+    if not found:
+        raise ValueError(f'no section explains {words!r}. '
+                         f'{suggest_names(words, (*SECTIONS, *CHECKS), "names")}')
+    return '\n\n'.join('\n'.join(_section(SECTIONS[name])) for name in found)
 
 
 def _section(heading: str) -> Iterator[str]:

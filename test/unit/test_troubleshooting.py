@@ -7,9 +7,10 @@ from pages import PAGES
 import pytest
 from recorded import observed, S, T, tf
 
-from puretf import SECTION_NAMES, TransformBuffer, TransformException
+from puretf import TransformBuffer, TransformException
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
+from puretf._text.names import SECTIONS
 from puretf_tools.commands.tf_doctor import main
 from puretf_tools.doctor import examine
 from puretf_tools.doctor.checks import CHECKS
@@ -107,9 +108,13 @@ PROVOKED = {
 }
 
 
+#: By heading of a section: its short name.
+NAMES = {heading: name for name, heading in SECTIONS.items()}
+
+
 def codes_of(heading):
     """Return the codes of the findings that a section explains."""
-    return {check.code for check in CHECKS.values() if check.section == heading}
+    return {check.code for check in CHECKS.values() if SECTIONS[check.section] == heading}
 
 
 def test_the_table_has_all_symptoms():
@@ -133,7 +138,7 @@ def test_a_symptom_leads_to_its_section(logs, heading):
     provoke, words = PROVOKED[heading]
     text = ' '.join(provoke(logs).split())
     assert words in text
-    assert f' More: tf_doctor --explain {SECTION_NAMES[heading]}' in text
+    assert f' More: tf_doctor --explain {NAMES[heading]}' in text
 
 
 # tf_doctor --explain
@@ -149,15 +154,14 @@ def test_the_sections_are_listed(capsys):
     """In the order of the page, each with a short name of its own."""
     lines = [line.split(maxsplit=1) for line in explained(capsys).splitlines()]
     assert [heading for _, heading in lines] == re.findall('^## (.*)$', PAGE, re.M)
-    assert len({name for name, _ in lines}) == len(lines)
-    assert all(SECTION_NAMES[heading] == name for name, heading in lines)
+    assert [name for name, _ in lines] == [*SECTIONS]
 
 
-@pytest.mark.parametrize('heading', SECTION_NAMES)
+@pytest.mark.parametrize('heading', NAMES)
 def test_a_section_as_text(capsys, heading):
     """It has all words and code of the section, and nothing of Markdown but the quotes of code."""
     section = PAGE.split(f'\n## {heading}\n')[1].split('\n## ')[0]
-    text = explained(capsys, SECTION_NAMES[heading])
+    text = explained(capsys, NAMES[heading])
     assert text.startswith(f'{heading}\n\n')
     assert not re.search(r'\*\*|```|]\(|\n\n\n\n', text)
     plain = re.sub(r'\]\([^)]*\)|[][*]|```\w*', '', section)
@@ -179,12 +183,12 @@ def test_a_section_as_text(capsys, heading):
 def test_words_and_codes_lead_to_sections(capsys, words, headings):
     """A short name, a code of `--list` or some words of the headings, in upper or lower case."""
     lines = explained(capsys, *words).splitlines()
-    assert [line for line in lines if line in SECTION_NAMES] == headings
+    assert [line for line in lines if line in NAMES] == headings
 
 
 def test_every_code_leads_to_its_section(capsys):
     """The row of the section in the table of symptoms has the code; other faults have no row."""
-    for code in CHECKS.keys() - SECTION_NAMES.values():
+    for code in CHECKS.keys() - SECTIONS.keys():
         heading, *lines = explained(capsys, code).splitlines()
         assert code in ROWS[heading][1] if heading in ROWS else f'`{code}`' in '\n'.join(lines)
 
@@ -192,15 +196,14 @@ def test_every_code_leads_to_its_section(capsys):
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
 def test_the_names_in_the_pages_exist(page):
     """So a command that a page shows can be typed."""
-    assert {*re.findall(r'tf_doctor --explain ([a-z]\w*)', page.read_text())} <= {
-        *SECTION_NAMES.values()}
+    assert {*re.findall(r'tf_doctor --explain ([a-z]\w*)', page.read_text())} <= SECTIONS.keys()
 
 
 @pytest.mark.parametrize(('words', 'end'), [
     (['one_shoot'], "no section explains 'one_shoot'. Nearest known: 'one_shot'.\n"),
     (['two_tree'], "Nearest known: 'two_trees'.\n"),
     (['map', 'base_link'], "no section explains 'map base_link'. Known names: 'future', 'past', "
-     f"'one_time', 'missing_frame', 'two_trees' and {len(SECTION_NAMES) + len(CHECKS) - 5} more."
+     f"'one_time', 'missing_frame', 'two_trees' and {len(SECTIONS) + len(CHECKS) - 5} more."
      '\n')])
 def test_unknown_words(failed, words, end):
     """The exit code is 2, and the error has the nearest names."""
