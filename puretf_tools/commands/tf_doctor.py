@@ -29,7 +29,7 @@ from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.stream import FUTURE
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.doctor.troubleshooting import explained
-from puretf_tools.inspection.bag_times import span_of, why_outside
+from puretf_tools.inspection.bag_times import both, span_of, why_outside
 from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import wrapped
@@ -182,10 +182,12 @@ def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Expla
     explanation = explain(buffer, ends, stamp, observer.counted().publishers_by_child({}))
     if explanation.why_not:
         why = why_outside(stamp, span) or explanation.why_not
-        return explanation._replace(begin=span[0], why_not=why)
+        return explanation._replace(why_not=why)
+    if not explanation.stamp:
+        return explanation
     hole, = holes_at(buffer, *ends, np.array([explanation.stamp]))
     note = f'. It is {hole.interpolated(span[0])}' if hole else ''
-    return explanation._replace(begin=span[0], note=note)
+    return explanation._replace(when=f'at {both(explanation.stamp, span[0])}{note}')
 
 
 # A live system
@@ -323,7 +325,7 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
     if not explanation.stamp or stamp:
         return explanation
     return explanation._replace(
-        note=_age(now, explanation.stamp) + (f' ({clock})' if clock else ''))
+        when=f'{explanation.when}{_age(now, explanation.stamp)}{clock and f" ({clock})"}')
 
 
 def _age(now: int, stamp: int) -> str:

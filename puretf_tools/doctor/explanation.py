@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from puretf import exact_time, Frame, in_seconds, shortened, visible
-from puretf_tools.inspection.bag_times import both
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
 from puretf_tools.inspection.traffic import rate_of
@@ -20,8 +19,7 @@ class Explanation(NamedTuple):
     stamp: int  #: the time of the transform (ns); 0: the path is static
     path: list[Frame]  #: the child of each edge
     why_not: str  #: why there is no transform; '': there is one
-    begin: int = 0  #: the begin of the bag (ns); 0: the frames are live
-    note: str = ''  #: how old the transform is, or that it is interpolated; '': neither
+    when: str  #: when there is one, such as 'at all times'
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, as in the JSON of `tf_doctor`."""
@@ -41,24 +39,15 @@ class Explanation(NamedTuple):
                 f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
                 shortened(frame.authority)])
         lines = []
-        if rows:
-            lines += [*wrapped(f'The path from {first} to {second}, with the rate, the oldest and '
-                               'the newest stamp, and the publisher of each edge:'), '']
         for line, frame in zip(columns(rows), self.path):
             lines.append(line)
             if refusal := _refusal(frame, self.stamp):
                 lines += wrapped(f'No pose at that time: {refusal}.', '    ')
-        if rows:
-            lines.append('')
-        if self.why_not:
-            result = f'There is no transform from {second} to {first}: {self.why_not}'
-        else:
-            when = ('only at the time 0' if not self.stamp and not all(
-                        frame.is_static for frame in self.path) else
-                    'at all times' if not self.stamp else
-                    f'at {both(self.stamp, self.begin)}' if self.begin else
-                    f'at {exact_time(self.stamp)}')
-            result = f'The transform from {second} to {first} exists {when}{self.note}.'
+        if lines:
+            lines = [*wrapped(f'The path from {first} to {second}, with the rate, the oldest and '
+                              'the newest stamp, and the publisher of each edge:'), '', *lines, '']
+        result = (f'There is no transform from {second} to {first}: {self.why_not}' if self.why_not
+                  else f'The transform from {second} to {first} exists {self.when}.')
         return '\n'.join([*lines, *wrapped(visible(result))])
 
 
@@ -83,7 +72,10 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
             frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
     # The hint about the publishers needs the lock to be free.
     why_not = why_not and (buffer.why_not(*ends, stamp) or why_not)
-    return Explanation(ends, time, _path(frames, ends), why_not)
+    path = _path(frames, ends)
+    when = (f'at {exact_time(time)}' if time else
+            'at all times' if all(frame.is_static for frame in path) else 'only at the time 0')
+    return Explanation(ends, time, path, why_not, when)
 
 
 def _path(frames: Mapping[str, Frame], ends: tuple[str, str]) -> list[Frame]:

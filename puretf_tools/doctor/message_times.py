@@ -52,17 +52,11 @@ class Edge:
         """Take transforms (at least one), given by their arrivals and their stamps (ns)."""
         # When a bag or a simulation starts again, listeners clear their data.
         goes_back = (stamps[1:-1] < stamps[:-2] - CACHE) & (stamps[2:] < stamps[:-2] - CACHE)
-        begin = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
-        self.child, self.arrivals, stamps = child, arrivals[begin:], stamps[begin:]
+        start = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
+        self.child, self.arrivals, stamps = child, arrivals[start:], stamps[start:]
         self._newest = np.maximum.accumulate(stamps)  # (n,) at each arrival
-        self._oldest = np.minimum.accumulate(stamps)
         self._stamps = np.sort(stamps)
-        self.end = int(self._newest[-1])  #: the newest stamp (ns)
-
-    def has_begun(self, stamps: _Array, times: _Array) -> NDArray[np.bool_]:
-        """Return whether a transform with these stamps or older ones has arrived by some times."""
-        number = self.arrivals.searchsorted(times, 'right')
-        return np.asarray((number > 0) & (stamps >= self._oldest[number - 1]))
+        self.begin, self.end = int(stamps[0]), int(self._newest[-1])  #: first, newest stamp (ns)
 
     def reaches(self, stamps: _Array) -> _Array:
         """Return when a transform with these stamps or newer ones arrives; `_NEVER`: never."""
@@ -192,7 +186,7 @@ class Judge:
             reached = edge.reaches(stamps)
             slowest[reached > ready] = i
             ready = np.maximum(ready, reached)
-            has_begun &= edge.has_begun(stamps, arrivals)
+            has_begun &= (arrivals >= edge.arrivals[0]) & (stamps >= edge.begin)
         needed_cache = _needed_cache(edges, stamps, arrivals)
         is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE)
         is_far = self._is_far(stamps, arrivals) & bool(edges)

@@ -12,7 +12,7 @@ from puretf.publisher_listener import nodes_on, TopicWatch
 
 #: How many messages of a topic are read at once, and after how many bytes at once the topic is
 #: left until the next search for topics.
-_AT_ONCE, _MOST_BYTES = 50, 1_000_000
+_AT_ONCE, _MOST_BYTES = 20, 1_000_000
 #: The largest number of topics.
 _MOST_TOPICS = 10_000
 

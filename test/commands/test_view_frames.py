@@ -92,14 +92,6 @@ def test_sim_time_is_used(ros):
     assert result.code == 0
 
 
-def test_the_text_with_a_middleware_that_does_not_report_gids(arm_domain, handles):
-    """The only node that publishes on each topic is the publisher of the frames."""
-    _, output, _ = call(main, '--text', '-t', '1', domain=arm_domain)
-    assert re.search(r'base_link +static +/dummy_arm\n', output)
-    assert re.search(r'joint_1 .* /dummy_arm\n', output)
-    assert 'unknown' not in output
-
-
 def test_a_bar_on_a_terminal(arm_domain):
     """The progress bar is erased before the tree is printed."""
     code, output, error = call(main, '--text', '-t', '0.5', domain=arm_domain, columns=80)
