@@ -46,6 +46,7 @@ class RecentFindings:
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener = listener
         self._statistics = _Statistics(listener.clock)
+        self._was_simulated = listener.clock.is_simulated
         self._next = self._begin = 0.0  # of the next examination, and of the statistics (s)
         #: By code and frames: the finding, and when it was last found (s).
         self._found: dict[tuple[str, tuple[str, ...]], tuple[Finding, float]] = {}
@@ -61,6 +62,8 @@ class RecentFindings:
         :param now: on the monotonic clock (s).
         """
         begin = thread_time()
+        if self._was_simulated != (simulated := self._listener.clock.is_simulated):
+            self._was_simulated, self._found = simulated, {}
         if not is_complete or now >= self._begin + _LENGTH:
             # Begin again with the last transforms of each frame: some are sent seldom, or once.
             before, self._begin = self._statistics.last, now

@@ -137,8 +137,8 @@ def test_a_bag_that_cannot_be_read(start, tmp_path, kind, error):
     assert error in line
 
 
-@pytest.mark.parametrize('kind', ['mcap', 'db3', 'bag'])
-@pytest.mark.parametrize('name', ['web_view', 'tf_doctor'])
+@pytest.mark.parametrize(('name', 'kind'), [
+    ('web_view', 'mcap'), ('tf_doctor', 'db3'), ('tf_doctor', 'bag')])
 def test_a_bag_is_read_once(start, tmp_path, kind, name):
     """Each byte of it, whatever the command shows of it."""
     bags = pytest.importorskip('bags')

@@ -84,15 +84,3 @@ def test_an_interval_of_length_zero():
     buffer.set_transform(stamped('PARENT', 'THISFRAME', 10**9), 'test')
     with pytest.raises(ValueError, match='averaging_interval is too short at this time: 0 ns'):
         buffer.lookupVelocityCore('THISFRAME', 'PARENT', Time(seconds=1), Duration())
-
-
-def test_the_latest_common_time():
-    """It is the newest stamp, although an older transform was inserted last."""
-    buffer = BufferCore()
-    for seconds in 0, 1, 0.5:
-        buffer.set_transform(stamped('bar', 'foo', int(seconds * 10**9)), 'test')
-    assert buffer.get_latest_common_time('bar', 'foo') == Time(seconds=1)
-    assert 'foo' in buffer.all_frames_as_yaml()
-    assert 'foo' in buffer.all_frames_as_string()
-    buffer.clear()
-    assert buffer.can_transform_core('foo', 'bar', Time())[0] is False

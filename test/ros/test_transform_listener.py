@@ -37,7 +37,6 @@ from puretf import (
     TransformException,
     TransformListener,
 )
-from puretf._core import texts
 from puretf._core.engine import engine_of
 from puretf._ros.listener_thread import ListenerThread
 from puretf._ros.rclpy_private import subscribe
@@ -514,22 +513,17 @@ def test_malformed_messages_are_counted_and_logged_once_per_cause(sender, listen
     assert len(log_lines) == 3
 
 
-def test_refusals_are_logged_in_the_words_of_tf2(sender, listen, log_lines, monkeypatch):
-    """Each cause is logged once per frame; the valid transforms of the message are inserted."""
-    seconds = 100.0
-    monkeypatch.setattr(texts, 'monotonic', lambda: seconds)
+def test_refusals_are_logged_in_the_words_of_tf2(sender, listen, log_lines):
+    """The valid transforms of the message are inserted."""
     buffer, _ = listen()
     now = 1_700_000_000 * 10**9
     nan, unturned = stamped(now, child='nan'), stamped(now, child='unturned')
     nan.transform.translation.x = math.nan
     unturned.transform.rotation.w = 0.0
 
-    def send():
-        sender.send(stamped(now, child='good'), nan, unturned, stamped(now, 'self', 'self'),
-                    stamped(now, ''), stamped(now, child=''), stamped(now, child='better'))
-        sender.send(stamped(now - 11 * 10**9, child='good'))
-
-    send()
+    sender.send(stamped(now, child='good'), nan, unturned, stamped(now, 'self', 'self'),
+                stamped(now, ''), stamped(now, child=''), stamped(now, child='better'))
+    sender.send(stamped(now - 11 * 10**9, child='good'))
     eventually(lambda: len(log_lines) == 6)
     assert {name for name, _ in log_lines} == {'tf2_buffer'}
     assert {line.partition(' ')[0].rstrip(':') for _, line in log_lines} == {
@@ -539,16 +533,6 @@ def test_refusals_are_logged_in_the_words_of_tf2(sender, listen, log_lines, monk
             'frame_id and  child_frame_id "self" because they are the same. Publishers on /tf: '
             '/test.') in [line for _, line in log_lines]
     assert buffer.frame_names() == ['good', 'map', 'better']
-    seconds += 1.0
-    send()
-    nan.child_frame_id = 'other'
-    sender.send(nan)
-    eventually(lambda: len(log_lines) == 7)
-    seconds += 0.9
-    nan.child_frame_id = 'third'
-    sender.send(nan)
-    send_to_the_end(sender, buffer)
-    assert len(log_lines) == 7
 
 
 def test_a_refusal_is_logged_without_further_messages(sender, listen, log_lines):

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from puretf import TransformBuffer, TransformException
-from puretf._causes.facts import Publisher, Surroundings
+from puretf._causes.facts import Surroundings
 from puretf._core.engine import engine_of
 
 S = 1_000_000_000
@@ -64,13 +64,6 @@ def test_an_error_survives_what_it_asks(buffer):
     assert str(error_of(buffer, T + 1)).endswith(FUTURE)
 
 
-def test_an_error_survives_its_buffer(buffer):
-    """What was copied is named; nothing keeps the data."""
-    error, engine_of(buffer).look = error_of(buffer, T, 'bass'), Surroundings
-    del buffer
-    assert "Nearest known: 'base'." in str(error)
-
-
 @pytest.mark.parametrize(('time', 'is_told'), [
     (T // S, True), (T // S - 1, True), (T // S - 2, False), (T // S + 1, False)])
 def test_a_time_in_seconds_is_told(buffer, time, is_told):
@@ -89,28 +82,3 @@ def test_the_memory_of_facts_is_bounded(buffer):
     assert sum(bool(facts.refusals(f'bad_{i}')) for i in range(2000)) == 1000
     buffer.clear()
     assert not facts.refusals('bad_0')
-
-
-def test_refused_transforms_after_a_reset(buffer, logs):
-    """The remedy of the error helps: transforms of the new time are accepted."""
-    buffer.insert(T + 100 * S, 'map', 'base', STILL)
-    for i in range(50):
-        assert not buffer.insert(T + 6 * S + i, 'map', 'base', STILL)
-    error = error_of(buffer, T + 6 * S)
-    assert error.causes == ('time_goes_back',)
-    assert "50 transforms of 'base' were refused" in str(error)
-    assert 'time_goes_back' not in error_of(buffer, T + 9 * S).causes  # they would not help
-    assert len(logs) == 1
-    buffer.clear()
-    assert buffer.insert(T + 6 * S, 'map', 'base', STILL)
-    assert buffer.lookup_transform('map', 'base', T + 6 * S)
-
-
-def test_a_log_line_ends_with_the_publisher(logs):
-    """One period is before it."""
-    buffer = TransformBuffer(max_frames=2)
-    engine_of(buffer).look = lambda: Surroundings(
-        topics=['/tf'], publishers=[Publisher('/arm', '/tf', 'tf2_msgs/msg/TFMessage', 'gid')])
-    buffer.insert(T, 'map', 'base', STILL, 'gid')
-    buffer.insert(T, 'map', 'tool', STILL, 'gid')
-    assert logs[0].getMessage().endswith('again and again. Publisher: /arm.')

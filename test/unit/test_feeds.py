@@ -52,8 +52,6 @@ WHOLE = 'map odom', 'odom base'
      [('base', 'laser', '/robot1/tf_static')]),
     (['base laser', 'map odom'], '/tf', [other('/robot1/tf', 'odom base')],
      [('odom', 'base', '/robot1/tf')]),
-    (['map odom'], '/fleet/tf', [other('/fleet/robot1/tf', 'odom base')],
-     [('odom', 'base', '/fleet/robot1/tf')]),
     (['map odom'], '/robot1/tf', [other('/Robot_1/tf', 'odom base')],
      [('odom', 'base', '/Robot_1/tf')]),
     (['odom base'], '/tf', [other('/model/car/pose', 'map odom')],
@@ -80,17 +78,6 @@ def test_halves_of_a_tree(here, base, others, expected):
 def test_whole_trees(here, base, others):
     """Other robots are no halves, whatever their frames are called."""
     assert halves(here, base, others) == []
-
-
-def test_what_half_a_namespace_explains():
-    """Trees and frames that it cuts off are not reported beside it."""
-    kwargs = {'messages': [(i, i) for i in range(0, 2000, 50)], 'frame': 'base',
-              'transforms': [*ROBOT, tf(0, 0, 'base laser', is_static=True)]}
-    assert codes(**kwargs) == {'several_trees'}
-    kwargs['frame'] = 'arm'
-    assert codes(**kwargs) == {'several_trees', 'unknown_frame'}
-    others = [other('/robot1/tf', 'odom base', 'base arm')]
-    assert codes(**kwargs, other_transforms=others) == {'half_namespace'}
 
 
 def test_robots_that_share_a_map():

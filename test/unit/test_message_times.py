@@ -23,12 +23,6 @@ def robot(begin, end, delay=5, step=20, edge='odom base'):
 #: By verdict and description: the transforms, and the message (arrival, stamp).
 ROWS = {
     (Verdict.ZERO_STAMP, 'stamp 0'): (robot(0, 5000), (2000, None)),
-    (Verdict.AT_ONCE, 'data on both sides'): (robot(0, 5000), (2000, 1970)),
-    (Verdict.AT_ONCE, 'the newest stamp'): (robot(0, 5000), (2006, 2000)),
-    (Verdict.AT_ONCE, 'the oldest stamp that is kept'): (robot(0, 20_000), (19_990, 9980)),
-    (Verdict.WAITS, 'between two'): (robot(0, 5000), (2010, 2010)),
-    (Verdict.WAITS, 'before a long gap'): (robot(0, 1000) + robot(4000, 5000), (1500, 1500)),
-    (Verdict.TOO_OLD, 'dropped'): (robot(0, 20_000), (19_990, 9900)),
     (Verdict.NOT_JUDGED, 'before the first'): (robot(1000, 5000), (1500, 900)),
     (Verdict.NOT_JUDGED, 'before the first so far'): (
         [tf(1000, 1000, 'odom base'), tf(3000, 0, 'odom base'), *robot(3000, 9000)], (2000, 500)),

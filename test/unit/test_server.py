@@ -206,7 +206,13 @@ def test_the_messages_of_the_page_have_effect(viewer):
     viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'))
 
 
-#: Functions that return a message by the uuid of the slider 'Axis length (m)'.
+def setting(label, value):
+    """Return a function that returns the message which sets a control to a value."""
+    return lambda uuid: update(uuid(label), value=value)
+
+
+AXIS = 'Axis length (m)'
+#: Functions that return a message by a function which returns the uuid of a control.
 NONSENSE = {
     'no msgpack': lambda uuid: b'\xc1',
     'no map': lambda uuid: b'\x90',
@@ -217,12 +223,13 @@ NONSENSE = {
     'a message of the server': lambda uuid: {'type': 'ResetGuiMessage'},
     'a public page': lambda uuid: {'type': 'ShareUrlRequest'},
     'an upload': lambda uuid: {
-        'type': 'FileTransferStartUpload', 'source_component_uuid': uuid, 'transfer_uuid': '1',
-        'filename': 'a', 'mime_type': 'b', 'part_count': 0, 'size_bytes': 0},
+        'type': 'FileTransferStartUpload', 'source_component_uuid': uuid(AXIS), 'filename': 'a',
+        'transfer_uuid': '1', 'mime_type': 'b', 'part_count': 0, 'size_bytes': 0},
     'fields missing': lambda uuid: {'type': 'ViewerCameraMessage'},
-    'another attribute': lambda uuid: update(uuid, update_cb=[]),
-    'no number': lambda uuid: update(uuid, value='metre'),
-    'not finite': lambda uuid: update(uuid, value=float('nan')),
+    'another attribute': lambda uuid: update(uuid(AXIS), update_cb=[]),
+    **{f'{value!r} in {label}': setting(label, value) for label, value in (
+        (AXIS, 'metre'), (AXIS, float('nan')), (AXIS, True), ('Frame timeout (s)', None),
+        ('Grid', 'x'), ('Search', 1), ('Fixed frame', 0))},
     'no direction is up': lambda _: {**CAMERA, 'up_direction': [0, 0, 0]},
     'a camera that looks nowhere': lambda _: {**CAMERA, 'look_at': [float('nan')] * 3},
     'a camera without an angle': lambda _: {**CAMERA, 'fov': 'x'},
@@ -233,7 +240,7 @@ NONSENSE = {
 def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
     """Another viewer can use the page, and nothing is printed but by the log."""
     with connected(page) as bad:
-        bad.send(message(bad.uuid('Axis length (m)')))
+        bad.send(message(bad.uuid))
         with pytest.raises(ConnectionClosed):
             bad.until(lambda: False)
     viewer.send(CAMERA)
@@ -246,7 +253,7 @@ def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
 def test_nonsense_is_logged(logs, name):
     """By a line that says why a viewer is disconnected."""
     with serve('127.0.0.1') as server, closing(Viewer(server.get_port())) as bad:
-        bad.send(NONSENSE[name](''))
+        bad.send(NONSENSE[name](bad.uuid))
         with pytest.raises(ConnectionClosed):
             bad.until(lambda: False)
     assert {record.getMessage().partition(':')[0] for record in logs} == {

@@ -12,7 +12,6 @@ import sys
 from xml.etree import ElementTree
 
 from arms import Arm, BEGIN, hand
-from environment import on_unix
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -470,15 +469,6 @@ def test_what_a_bag_does_not_have(failed, arm_bag, arguments, why):
     assert error.count('\n') == 1
 
 
-def test_frames_that_are_not_connected(failed, tmp_path):
-    """The error names the roots of the two trees."""
-    bag = bag_of(tmp_path / 'bag', rows_of(('map', 'base', [1.0]), ('earth', 'moon', [1.0])))
-    code, error = failed(tf_trajectory.main, '--bag', bag, 'map', 'moon')
-    assert code == 1
-    assert "Could not find a connection between 'map' and 'moon'" in error
-    assert "'earth'" in error
-
-
 @pytest.fixture
 def there(tmp_path, monkeypatch):
     """A directory of its own, which is the working directory."""
@@ -486,25 +476,6 @@ def there(tmp_path, monkeypatch):
     there.mkdir()
     monkeypatch.chdir(there)
     return there
-
-
-@on_unix
-@pytest.mark.parametrize('ending', ['csv', 'npz', 'pdf'])
-def test_a_full_disk(failed, arm_bag, there, ending):
-    """There is no partial file, and an old file stays."""
-    if ending == 'pdf':
-        pytest.importorskip('matplotlib')
-    import resource
-    (there / f'arm.{ending}').write_text('old')
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, before[1]))
-    try:
-        outcome = failed(tf_trajectory.main, '--bag', arm_bag, *FRAMES, '-o', f'arm.{ending}')
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert outcome == (1, f'tf_trajectory: cannot write arm.{ending}: File too large\n')
-    assert [path.name for path in there.iterdir()] == [f'arm.{ending}']
-    assert (there / f'arm.{ending}').read_text() == 'old'
 
 
 @pytest.mark.parametrize(('ending', 'every'), [

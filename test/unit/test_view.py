@@ -898,7 +898,7 @@ def test_a_new_origin(page, follow):
     for _ in range(3):
         shown.step()
     first, origins = place_in_scene(viewer, 'base'), set()
-    for x in range(4000, 40_000, 4000):
+    for x in range(8000, 48_000, 8000):
         buffer.insert(T + x, 'map', 'base', pose(0.1 + x, 0.2, 0.3))
         for _ in range(3):
             shown.step()
@@ -1459,7 +1459,6 @@ def test_the_view_stays(page, clock):
 
 @pytest.mark.parametrize(('place', 'position'), [
     (['float', 10, 20, 300, False], {'kind': 'float', 'x': 10, 'y': 20}),
-    (['right', 0, 0, 300, False], {'kind': 'edge', 'edge': 'right'}),
     (['left', 0, 0, 0, True], {'kind': 'edge', 'edge': 'left'}),
     (['below', 0, 0, 300, False],
      {'kind': 'split', 'side': 'below', 'anchor_uuid': 'viser-control-panel'})])
@@ -1636,26 +1635,6 @@ def test_an_error_of_one_viewer(page, monkeypatch, logs):
     shown.until(lambda: len(shown.view.viewers) == 1)
 
 
-@pytest.mark.parametrize(('label', 'value'), [
-    ('Axis length (m)', 'nan'), ('Axis length (m)', b'inf'), ('Axis length (m)', True),
-    ('Frame timeout (s)', None), ('Back (s)', float('inf')), ('Plot over', '1 week'),
-    ('Grid', 'x'), ('Search', 1), ('Include', ['a']), ('Fixed frame', 0)])
-def test_nonsense_in_a_control(page, label, value):
-    """It ends the session of its viewer, and no other one."""
-    from viewer import Viewer
-    from websockets.exceptions import ConnectionClosed
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer), view='{"A": "map", "B": "base"}')
-    bad = Viewer(shown.server.get_port())
-    bad.until(lambda: bad.text('pair') and bad.names(), shown.update)
-    bad.set(label, value)
-    with pytest.raises(ConnectionClosed):
-        bad.until(lambda: False, shown.update)
-    shown.set('Frame', 'map')
-    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
-
-
 @pytest.mark.parametrize(('label', 'typed', 'value'), [
     ('Axis length (m)', 5, 2.0), ('Axis length (m)', 1e308, 2.0), ('Frame timeout (s)', -1, 1.0)])
 def test_numbers_beyond_the_range_of_a_slider(page, label, typed, value):
@@ -1668,8 +1647,7 @@ def test_numbers_beyond_the_range_of_a_slider(page, label, typed, value):
     shown.until(lambda: json_of(shown.viewer).get(label) == value)
 
 
-@pytest.mark.parametrize('answer', [1, [], b'{}', {'a': 1}])
-def test_an_answer_of_the_storage_that_is_no_text(page, answer):
+def test_an_answer_of_the_storage_that_is_no_text(page):
     """It ends the session of its viewer, and no other one."""
     from viewer import Viewer
     from websockets.exceptions import ConnectionClosed
@@ -1677,7 +1655,7 @@ def test_an_answer_of_the_storage_that_is_no_text(page, answer):
     arm(buffer, T, 'map', 'base')
     shown = page(live(buffer))
     bad = Viewer(shown.server.get_port())
-    bad.storage['/tf 0'] = answer
+    bad.storage['/tf 0'] = []  # type: ignore[assignment]
     with pytest.raises(ConnectionClosed):
         bad.until(lambda: False, shown.update)
     shown.set('Frame', 'map')

@@ -168,7 +168,8 @@ def test_without_pygraphviz(failed, monkeypatch, there, walk):
     monkeypatch.setitem(sys.modules, 'pygraphviz', None)
     code, line = failed(main, '--bag', walk)
     assert code == 1
-    assert re.fullmatch('view_frames: drawing needs pygraphviz, .*; wrote frames.gv\n', line)
+    assert re.fullmatch(r'view_frames: drawing needs pygraphviz, which cannot be imported \(.*\): '
+                        'pip install pygraphviz; or with ROS .*; wrote frames.gv\n', line)
     assert [path.name for path in there.iterdir()] == ['frames.gv']
     assert '"map" -> "odom"' in Path('frames.gv').read_text()
 
