@@ -1551,12 +1551,10 @@ def test_a_view_that_is_refused(text, problem):
     assert settings.as_json() == '{}'
 
 
-@pytest.mark.parametrize(('text', 'problem'), [
-    ('{"Frame": "map", "Axis length (m)": NaN}', 'from 0.02 to 2, got NaN'),
-    ('{"Frame": "\\ud800"}', 'Frame must be the name of a frame')])
 @pytest.mark.parametrize('is_kept', [False, True])
-def test_a_refused_view_of_a_viewer(page, text, problem, is_kept):
+def test_a_refused_view_of_a_viewer(page, is_kept):
     """Whether it is pasted or was kept: the page says why, goes on, and keeps a right one."""
+    text, problem = '{"Frame": "map", "Axis length (m)": NaN}', 'from 0.02 to 2, got NaN'
     buffer = TransformBuffer()
     arm(buffer, T, 'map', 'base')
     shown = page(live(buffer), storage={'/tf 0': text} if is_kept else {})
@@ -1636,7 +1634,7 @@ def test_an_error_of_one_viewer(page, monkeypatch, logs):
 
 
 @pytest.mark.parametrize(('label', 'typed', 'value'), [
-    ('Axis length (m)', 5, 2.0), ('Axis length (m)', 1e308, 2.0), ('Frame timeout (s)', -1, 1.0)])
+    ('Axis length (m)', 1e308, 2.0), ('Frame timeout (s)', -1, 1.0)])
 def test_numbers_beyond_the_range_of_a_slider(page, label, typed, value):
     """A browser sends them while a viewer types; the nearest number of the range counts."""
     buffer = TransformBuffer()
