@@ -46,7 +46,7 @@ setup(
         (f'share/{package_name}/urdf', ['dummy_arm/urdf/dummy_arm.urdf']),
     ],
     python_requires='>=3.10',
-    install_requires=['numpy>=1.26', 'setuptools', 'transforms3d>=0.4'],
+    install_requires=['numpy>=1.26', 'transforms3d>=0.4'],
     extras_require={
         # Upper bounds: the package uses private parts of rclpy and viser, see
         # test_private_apis.py; rosbags has no stable version yet.

@@ -13,7 +13,8 @@ from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.records import DOMAINS, Grade, Messages, Report, START, Verdict
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.samples import Arm
-from puretf import TransformException, visible
+from puretf import TransformException
+from puretf._text.names import visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError

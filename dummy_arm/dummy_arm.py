@@ -24,16 +24,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from dummy_arm.arm import Arm, Wave
-from puretf import (
-    comma_list,
-    PreparedTransforms,
-    quoted,
-    shortened,
-    StaticTransformBroadcaster,
-    suggest_names,
-    Transform,
-    TransformBroadcaster,
-)
+from puretf import PreparedTransforms, StaticTransformBroadcaster, Transform, TransformBroadcaster
+from puretf._text.names import comma_list, quoted, shortened
+from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import Parser, run, UsageError

@@ -9,29 +9,10 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from puretf._core.frames import dot_quoted as dot_quoted
     from puretf._core.frames import Frame as Frame
-    from puretf._core.frames import is_too_long as is_too_long
-    from puretf._core.frames import LONGEST_NAME as LONGEST_NAME
     from puretf._ros.messages import TFMessage as TFMessage
-    from puretf._text.names import abbreviated as abbreviated
-    from puretf._text.names import comma_list as comma_list
-    from puretf._text.names import full_name as full_name
-    from puretf._text.names import LONGEST as LONGEST
-    from puretf._text.names import namespace_distance as namespace_distance
-    from puretf._text.names import namespace_path as namespace_path
-    from puretf._text.names import quoted as quoted
-    from puretf._text.names import shortened as shortened
-    from puretf._text.names import TF_MESSAGE as TF_MESSAGE
-    from puretf._text.names import visible as visible
-    from puretf._text.similar_names import is_slip as is_slip
-    from puretf._text.similar_names import may_be_one_robot as may_be_one_robot
-    from puretf._text.similar_names import near_names as near_names
-    from puretf._text.similar_names import suggest_names as suggest_names
-    from puretf._text.times import display_time as display_time
     from puretf._text.times import exact_time as exact_time
     from puretf._text.times import in_seconds as in_seconds
-    from puretf._text.times import is_frozen as is_frozen
     from puretf._text.times import SECOND as SECOND
     from puretf.buffer import Buffer as Buffer
     from puretf.buffer_core import BufferCore as BufferCore
@@ -69,13 +50,9 @@ if TYPE_CHECKING:
 
 #: The public names of each module.
 _NAMES = {
-    '_core.frames': 'dot_quoted Frame is_too_long LONGEST_NAME',
+    '_core.frames': 'Frame',
     '_ros.messages': 'TFMessage',
-    '_text.names':
-        'abbreviated comma_list full_name LONGEST namespace_distance namespace_path quoted '
-        'shortened TF_MESSAGE visible',
-    '_text.similar_names': 'is_slip may_be_one_robot near_names suggest_names',
-    '_text.times': 'display_time exact_time in_seconds is_frozen SECOND',
+    '_text.times': 'exact_time in_seconds SECOND',
     'buffer': 'Buffer',
     'buffer_core': 'BufferCore',
     'buffer_interface':
@@ -92,7 +69,8 @@ _NAMES = {
     'transform_listener': 'StaticTransformListener TransformListener',
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
-_PUBLIC_MODULES = {module for module in _NAMES if not module.startswith('_')}
+_PUBLIC_MODULES = {module for module in _NAMES if not module.startswith('_')} | {
+    'bag', 'geometry', 'point_cloud2', 'publisher_listener', 'rotations', 'transform_table'}
 
 __all__ = sorted(_MODULES)
 

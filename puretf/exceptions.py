@@ -76,8 +76,6 @@ def described(value: Any) -> str:
 
     >>> described(0.5)
     '0.5 of type float'
-
-    :meta private:
     """
     if is_of_rosbags(value):
         return f'a message {value.__msgtype__} of rosbags'
@@ -87,11 +85,7 @@ def described(value: Any) -> str:
 
 
 def is_of_rosbags(value: Any) -> bool:
-    """
-    Return whether a value is a message of the library rosbags.
-
-    :meta private:
-    """
+    """Return whether a value is a message of the library rosbags."""
     return hasattr(value, '__msgtype__')
 
 

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 from dummy_arm.grading.samples import Arm, Samples
 from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, JOINTS, Vector
 from dummy_arm.grading.sine import FASTEST, fit, Floats, Sine
-from puretf import comma_list, is_frozen, near_names, shortened
+from puretf._text.names import comma_list, shortened
+from puretf._text.similar_names import near_names
+from puretf._text.times import is_frozen
 
 #: How far a position may be from the required position (m).
 POSITION_TOLERANCE = 1e-3

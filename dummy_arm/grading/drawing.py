@@ -8,7 +8,7 @@ import re
 from unicodedata import normalize
 
 from dummy_arm.grading.sheet import FRAMES
-from puretf import comma_list, quoted
+from puretf._text.names import comma_list, quoted
 from puretf_tools.cli.parser import CommandError
 
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.

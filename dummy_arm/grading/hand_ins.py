@@ -15,8 +15,8 @@ from typing import Optional
 from dummy_arm.grading import processes
 from dummy_arm.grading.records import DOMAINS, Grade, Verdict
 from dummy_arm.grading.supervisor import longest, supervise
-from puretf import shortened
-from puretf.domains import used_domains
+from puretf._causes.domains import used_domains
+from puretf._text.names import shortened
 from puretf_tools.cli.parser import CommandError
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM

@@ -12,7 +12,7 @@ import sys
 import time
 from typing import Any
 
-from puretf.domains import ros_domains
+from puretf._causes.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
 
 try:

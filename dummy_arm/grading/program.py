@@ -17,7 +17,7 @@ from typing import Optional
 from zipfile import is_zipfile
 
 from dummy_arm.grading.processes import how_it_ended
-from puretf import abbreviated, visible
+from puretf._text.names import abbreviated, visible
 from puretf_tools.cli.parser import CommandError
 
 #: How long to wait until a program has ended after SIGINT (s).

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple, Optional
 
-from puretf import visible
+from puretf._text.names import visible
 
 #: How long to wait for the first transform on /tf (s).
 START = 20.0

@@ -19,7 +19,8 @@ from dummy_arm.grading.records import Line, Report, Verdict
 from dummy_arm.grading.samples import Arm, largest_angle
 from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, HAND, JOINTS, Vector
 from dummy_arm.grading.sine import FEWEST, fit_sine, Floats, Sine
-from puretf import comma_list, SECOND, shortened
+from puretf import SECOND
+from puretf._text.names import comma_list, shortened
 from puretf.bag import NOT_RECORDED
 
 #: How far a frame may be rotated about an axis about which it must not rotate (rad).

@@ -12,7 +12,8 @@ import numpy as np
 from dummy_arm.grading.records import Message, Publisher
 from dummy_arm.grading.sheet import EDGES, FRAMES
 from dummy_arm.grading.sine import Floats
-from puretf import SECOND, shortened
+from puretf import SECOND
+from puretf._text.names import shortened
 from puretf_tools.inspection.traffic import recreated
 
 #: The mean of |w| is larger, unless another number is in its place: joints turn by ±60° at most.

@@ -19,7 +19,7 @@ from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import observe
 from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, Report, START, Verdict
-from puretf.domains import ros_domains
+from puretf._causes.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
 
 #: How much longer than the start and the observation a hand-in may take (s).

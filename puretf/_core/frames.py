@@ -4,6 +4,7 @@ from collections.abc import Iterable
 import re
 from typing import NamedTuple, Optional
 
+from puretf._text.names import dot_escaped, dot_quoted
 from puretf._text.times import display_time, in_seconds
 
 #: To compute a rate, tf2 divides the number of samples by the time between the oldest and the
@@ -14,8 +15,6 @@ _SHORTEST_SPAN = 100_000
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
 #: A YAML key of this length (characters) or more must be an explicit one.
 _LONGEST_KEY = 1024
-#: The largest size that a frame's name may have (bytes of UTF-8).
-LONGEST_NAME = 1024
 
 
 class Frame(NamedTuple):
@@ -34,20 +33,14 @@ class Frame(NamedTuple):
     sender: str = ''  #: the publisher of that transform
 
     @property
-    def rate(self) -> float:
-        """The average rate of the samples (Hz), computed as in tf2; 10000 for a single sample."""
-        return self.length * 1e9 / max(self.latest - self.oldest, _SHORTEST_SPAN)
-
-    @property
     def buffer_length(self) -> float:
         """The time from the oldest to the newest sample (s)."""
         return in_seconds(self.latest - self.oldest)
 
 
-def is_too_long(name: str) -> bool:
-    """Return True if a name is too long for a frame: more than 1024 bytes in UTF-8."""
-    return (len(name) * 4 > LONGEST_NAME
-            and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)
+def _rate(frame: Frame) -> float:
+    """Return the average rate of the samples (Hz), computed as in tf2; 10000 for a single one."""
+    return frame.length * 1e9 / max(frame.latest - frame.oldest, _SHORTEST_SPAN)
 
 
 def as_string(edges: Iterable[tuple[str, Optional[str]]]) -> str:
@@ -71,7 +64,7 @@ def as_yaml(frames: Iterable[Frame]) -> str:
         f'{_yaml_key(frame.name)}\n'
         f'  parent: {_yaml_value(frame.parent)}\n'
         f'  broadcaster: {_yaml_value(frame.authority)}\n'
-        f'  rate: {frame.rate:.3f}\n'
+        f'  rate: {_rate(frame):.3f}\n'
         f'  most_recent_transform: {display_time(frame.latest)}\n'
         f'  oldest_transform: {display_time(frame.oldest)}\n'
         f'  buffer_length: {frame.buffer_length:.3f}\n'
@@ -130,7 +123,7 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
         age = f'( {in_seconds(now - frame.latest):.3f} sec old)' if now else ''
         lines.append(
             f'{dot_quoted(frame.parent)} -> {dot_quoted(frame.name)}[label="'
-            f'Broadcaster: {_escaped(frame.authority)}\\nAverage rate: {frame.rate:.3f} Hz\\n'
+            f'Broadcaster: {dot_escaped(frame.authority)}\\nAverage rate: {_rate(frame):.3f} Hz\\n'
             f'Most recent transform: {display_time(frame.latest)} {age}\\n'
             f'Buffer length: {frame.buffer_length:.3f} sec\\n"];')
     children = {frame.name for frame in edges}
@@ -139,20 +132,3 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
         lines.append('"no tf data received"')
     lines += [f'{dot_quoted(root)};' for root in roots]
     return '\n'.join([*lines, '}'])
-
-
-def dot_quoted(name: str) -> str:
-    r"""
-    Return a name in double quotes, as an identifier of the DOT language.
-
-    >>> print(dot_quoted('base link'))
-    "base link"
-    >>> print(dot_quoted('12" \\ wheel'))
-    "12\" \\ wheel"
-    """
-    return f'"{_escaped(name)}"'
-
-
-def _escaped(text: str) -> str:
-    """Escape a text for use between double quotes in DOT."""
-    return text.replace('\\', '\\\\').replace('"', '\\"').replace('\n', '\\n')

@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from puretf._causes.domains import other_domains, other_user
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings, UNKNOWN
-from puretf._ros.domains import other_domains, other_user
 from puretf._ros.rclpy_private import GID_SIZE
 from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
 

@@ -8,11 +8,10 @@ from time import monotonic, sleep
 from rclpy.node import Node
 
 from puretf._causes.facts import Heard, UNKNOWN
-from puretf._core.frames import is_too_long
 from puretf._ros.graph import gid_of, node_of, other_topics
 from puretf._ros.messages import TFMessage
 from puretf._ros.topic_watch import TopicWatch
-from puretf._text.names import TF_MESSAGE
+from puretf._text.names import is_too_long, TF_MESSAGE
 
 #: How long `Ear` listens, the time until it listens again, and between two looks (s).
 _DURATION, _PAUSE, _POLL_INTERVAL = 0.5, 5.0, 0.01
@@ -23,11 +22,7 @@ _DEPTH = 20
 
 
 class TransformSampler:
-    """
-    Subscriptions to all topics of transforms except some; no executor serves them.
-
-    :meta private:
-    """
+    """Subscriptions to all topics of transforms except some; no executor serves them."""
 
     def __init__(self, node: Node, own: Sequence[str]) -> None:
         self._watch = TopicWatch(node, lambda: (

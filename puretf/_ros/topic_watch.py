@@ -109,8 +109,6 @@ class TopicReader(Publishers):
 
     It matches all publishers; or, if it also receives the latched messages of the past, those that
     latch. No executor serves it. It must be closed before its node is destroyed.
-
-    :meta private:
     """
 
     def __init__(self, node: Node, message_type: Any, topic: str, depth: int,
@@ -149,8 +147,6 @@ class TopicWatch:
 
     A topic has a reader with QoS best effort, and one for the latched messages of the past, each
     if the publishers need it. All must be closed before the node is destroyed.
-
-    :meta private:
     """
 
     def __init__(self, node: Node, wants: Callable[[], Iterable[tuple[str, Any]]], limit: int,

@@ -12,6 +12,8 @@ from itertools import takewhile
 TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 #: The longest name (characters) that a log line shows in full.
 LONGEST = 100
+#: The largest size that a frame's name may have (bytes of UTF-8).
+LONGEST_NAME = 1024
 #: The largest number of topics or namespaces that an error lists.
 MAX_TOPICS = 10
 
@@ -61,6 +63,27 @@ def quoted(name: str) -> str:
     'tool\n'
     """
     return repr(abbreviated(name))
+
+
+def dot_quoted(name: str) -> str:
+    r"""
+    Return a name in double quotes, as an identifier of the DOT language.
+
+    >>> print(dot_quoted('12" \\ wheel'))
+    "12\" \\ wheel"
+    """
+    return f'"{dot_escaped(name)}"'
+
+
+def dot_escaped(text: str) -> str:
+    """Escape a text for use between double quotes in DOT."""
+    return text.replace('\\', '\\\\').replace('"', '\\"').replace('\n', '\\n')
+
+
+def is_too_long(name: str) -> bool:
+    """Return True if a name is too long for a frame: more than 1024 bytes in UTF-8."""
+    return (len(name) * 4 > LONGEST_NAME
+            and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)
 
 
 def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:

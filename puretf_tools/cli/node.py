@@ -14,7 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
-from puretf import namespace_path
+from puretf._text.names import namespace_path
 from puretf_tools.cli.fast_dds import destroy, remove_unfinished_ports
 from puretf_tools.cli.parser import CommandError, rcl_error_text, UsageError
 from puretf_tools.cli.signals import begin_cleanup, end_cleanup, signal_received

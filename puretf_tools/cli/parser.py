@@ -9,7 +9,8 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
-from puretf import near_names, visible
+from puretf._text.names import visible
+from puretf._text.similar_names import near_names
 from puretf_tools.cli.errors import CommandError as CommandError
 from puretf_tools.cli.errors import UsageError as UsageError
 from puretf_tools.cli.signals import record_signals, signal_received, unchecked_signals_end

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Optional
 
-from puretf import shortened
+from puretf._text.names import shortened
 from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import spinning_node

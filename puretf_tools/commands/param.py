@@ -13,7 +13,8 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from yaml import safe_load, YAMLError
 
-from puretf import full_name, suggest_names
+from puretf._text.names import full_name
+from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DISCOVERY, wait

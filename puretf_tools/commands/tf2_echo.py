@@ -8,7 +8,8 @@ from typing import Optional
 
 import numpy as np
 
-from puretf import exact_time, SECOND, shortened, Transform, TransformException, visible
+from puretf import exact_time, SECOND, Transform, TransformException
+from puretf._text.names import shortened, visible
 from puretf.exceptions import tf2_words
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.cli.bag_options import add_bag_options, BagOption

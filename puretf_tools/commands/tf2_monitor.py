@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
-from puretf import in_seconds, SECOND, shortened, TransformException, visible
+from puretf import in_seconds, SECOND, TransformException
+from puretf._text.names import shortened, visible
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.parser import Parser, run, UsageError
 from puretf_tools.cli.signals import sleep

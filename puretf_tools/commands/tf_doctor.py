@@ -14,8 +14,9 @@ from typing import Any, Optional, TYPE_CHECKING
 
 import numpy as np
 
-from puretf import exact_time, in_seconds, TF_MESSAGE, visible
+from puretf import exact_time, in_seconds
 from puretf._causes.facts import OTHER_CLOCK, Publisher, Surroundings
+from puretf._text.names import TF_MESSAGE, visible
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import number, Parser, run, UsageError

@@ -17,7 +17,8 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import exact_time, SECOND, shortened, TransformException, visible
+from puretf import exact_time, SECOND, TransformException
+from puretf._text.names import shortened, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError

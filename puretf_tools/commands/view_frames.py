@@ -6,7 +6,9 @@ from pathlib import Path
 import sys
 from typing import Optional, TYPE_CHECKING
 
-from puretf import exact_time, Frame, in_seconds, shortened, suggest_names, visible
+from puretf import exact_time, Frame, in_seconds
+from puretf._text.names import shortened, visible
+from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError

@@ -10,7 +10,8 @@ from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
-from puretf import namespace_path, SECOND, TransformBuffer, visible
+from puretf import SECOND, TransformBuffer
+from puretf._text.names import namespace_path, visible
 from puretf.bag import Bag
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file

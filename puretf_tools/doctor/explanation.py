@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from puretf import exact_time, Frame, in_seconds, shortened, visible
+from puretf import exact_time, Frame, in_seconds
+from puretf._text.names import shortened, visible
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
 from puretf_tools.inspection.traffic import rate_of

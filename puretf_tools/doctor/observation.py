@@ -9,9 +9,10 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from puretf import namespace_path, SECOND, TF_MESSAGE
+from puretf import SECOND
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Publisher, Surroundings
+from puretf._text.names import namespace_path, TF_MESSAGE
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from puretf_tools.doctor.stream import Stream

@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterator, Sequence
 import os
 from typing import Any, NamedTuple, Union
 
-from puretf import comma_list, shortened, suggest_names, visible
-from puretf._text.names import see
+from puretf._text.names import comma_list, see, shortened, visible
+from puretf._text.similar_names import suggest_names
 from puretf.bag import Bag, Paths
 from puretf.bag import open as open_bag
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked

@@ -12,7 +12,8 @@ from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import SECOND, shortened
+from puretf import SECOND
+from puretf._text.names import shortened
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.doctor.stream import Stream
 from puretf_tools.inspection.stamp_clock import StampClock

@@ -6,8 +6,9 @@ from typing import Optional
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from puretf import Buffer, comma_list, visible
+from puretf import Buffer
 from puretf._causes.facts import Surroundings
+from puretf._text.names import comma_list, visible
 from puretf.publisher_listener import is_given, PublisherListener, Received, ReceivedMessage
 from puretf_tools.inspection.clock_sampler import ClockSampler, is_tool, TOPIC
 from puretf_tools.inspection.stamp_clock import PATIENCE

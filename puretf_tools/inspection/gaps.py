@@ -5,7 +5,8 @@ from typing import NamedTuple, Optional, TYPE_CHECKING, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import in_seconds, SECOND, shortened, TransformBuffer
+from puretf import in_seconds, SECOND, TransformBuffer
+from puretf._text.names import shortened
 
 if TYPE_CHECKING:
     from puretf import BufferCore

@@ -9,7 +9,9 @@ import sys
 from tempfile import TemporaryFile
 from typing import Optional
 
-from puretf import display_time, dot_quoted, exact_time, Frame, in_seconds, LONGEST_NAME, shortened
+from puretf import exact_time, Frame, in_seconds
+from puretf._text.names import dot_quoted, LONGEST_NAME, shortened
+from puretf._text.times import display_time
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.traffic import rate_of
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from puretf import TF_MESSAGE
+from puretf._text.names import TF_MESSAGE
 from puretf.bag import Headers
 from puretf.publisher_listener import nodes_on, TopicWatch
 

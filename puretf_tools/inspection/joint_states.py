@@ -6,7 +6,7 @@ from typing import Any, Optional
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from puretf import comma_list, shortened
+from puretf._text.names import comma_list, shortened
 from puretf.publisher_listener import nodes_on, UNKNOWN
 
 

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import comma_list, namespace_path, SECOND, TF_MESSAGE, TransformBuffer
+from puretf import SECOND, TransformBuffer
+from puretf._text.names import comma_list, namespace_path, TF_MESSAGE
 from puretf.bag import Bag, BagError, BagMessage
 from puretf_tools.inspection.bag_times import span_of
 from puretf_tools.inspection.gaps import AnyBuffer

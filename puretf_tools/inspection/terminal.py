@@ -13,7 +13,7 @@ from textwrap import wrap
 from typing import Optional
 from unicodedata import combining, east_asian_width
 
-from puretf import LONGEST
+from puretf._text.names import LONGEST
 
 #: A number that is no part of a name.
 _NUMBER = re.compile(r'(?<![\w./-])-?\d+(\.\d+)?(?!\w)')

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import NamedTuple, TYPE_CHECKING
 
-from puretf import comma_list, Frame, in_seconds, SECOND, visible
+from puretf import Frame, in_seconds, SECOND
+from puretf._text.names import comma_list, visible
 
 if TYPE_CHECKING:
     from puretf.publisher_listener import PublisherListener

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame, in_seconds, is_too_long, SECOND
+from puretf import Frame, in_seconds, SECOND
+from puretf._text.names import is_too_long
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.inspection.stamp_clock import StampClock
 

@@ -7,7 +7,9 @@ import sys
 from typing import NamedTuple, Optional
 from xml.etree import ElementTree
 
-from puretf import comma_list, LONGEST_NAME, quoted, suggest_names, TransformBuffer
+from puretf import TransformBuffer
+from puretf._text.names import comma_list, LONGEST_NAME, quoted
+from puretf._text.similar_names import suggest_names
 from puretf.exceptions import described
 from puretf.rotations import conjugate, multiply, quaternion_about_axis
 from puretf_tools.inspection.forest import descend

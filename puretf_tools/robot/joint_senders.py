@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from puretf import comma_list, shortened
+from puretf._text.names import comma_list, shortened
 from puretf_tools.cli.parser import UsageError
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description

@@ -5,7 +5,9 @@ from math import isfinite
 from time import monotonic
 from typing import Optional
 
-from puretf import comma_list, display_time, quoted, SECOND, shortened
+from puretf import SECOND
+from puretf._text.names import comma_list, quoted, shortened
+from puretf._text.times import display_time
 from puretf_tools.robot.description import Description, Joint
 from puretf_tools.robot.shapes import Pose
 

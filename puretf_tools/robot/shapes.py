@@ -5,7 +5,7 @@ from contextlib import suppress
 from typing import NamedTuple, Optional
 from xml.etree import ElementTree
 
-from puretf import abbreviated, quoted
+from puretf._text.names import abbreviated, quoted
 from puretf.rotations import quaternion_from_euler
 from puretf_tools.robot.urdf_text import attribute, DescriptionError, numbers, refuse
 

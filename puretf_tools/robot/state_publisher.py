@@ -17,15 +17,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from puretf import (
-    comma_list,
-    quoted,
-    SECOND,
-    shortened,
-    StaticTransformBroadcaster,
-    Transform,
-    TransformBroadcaster,
-)
+from puretf import SECOND, StaticTransformBroadcaster, Transform, TransformBroadcaster
+from puretf._text.names import comma_list, quoted, shortened
 from puretf.publisher_listener import nodes_on
 from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.robot.description import Description, parse

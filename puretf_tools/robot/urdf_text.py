@@ -12,7 +12,7 @@ from typing import NoReturn, Optional, Union
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from puretf import abbreviated, quoted, visible
+from puretf._text.names import abbreviated, quoted, visible
 from puretf_tools.cli.errors import UsageError
 
 #: The longest text that is parsed (characters or bytes).

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 import viser
 
-from puretf import comma_list, visible
+from puretf._text.names import comma_list, visible
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy

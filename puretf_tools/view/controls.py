@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Optional
 
 import viser
 
-from puretf import visible
+from puretf._text.names import visible
 from puretf_tools.view.settings import Settings
 
 #: The choice of no frame, and that of the frame that the program proposes.

@@ -7,7 +7,8 @@ from shlex import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import comma_list, Frame, visible
+from puretf import Frame
+from puretf._text.names import comma_list, visible
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import escaped, html, STYLE

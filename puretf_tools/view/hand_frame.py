@@ -6,7 +6,9 @@ from typing import Any, Optional
 
 import viser
 
-from puretf import is_too_long, shortened, suggest_names, Transform, visible
+from puretf import Transform
+from puretf._text.names import is_too_long, shortened, visible
+from puretf._text.similar_names import suggest_names
 from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.view.controls import change, Choice, copied, FrameChoice, html

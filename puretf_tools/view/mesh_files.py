@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import quoted
+from puretf._text.names import quoted
 from puretf_tools.robot.urdf_text import HAS_DOCTYPE
 
 #: The largest size of a file (bytes).

@@ -9,7 +9,8 @@ from typing import Any, Optional
 
 import viser
 
-from puretf import abbreviated, SECOND
+from puretf import SECOND
+from puretf._text.names import abbreviated
 from puretf_tools.cli.times import when
 from puretf_tools.inspection.bag_times import both, why_outside
 from puretf_tools.view.camera import page_size

@@ -7,7 +7,7 @@ from typing import Any, Optional
 
 import viser
 
-from puretf import abbreviated, visible
+from puretf._text.names import abbreviated, visible
 from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
 from puretf_tools.robot.joint_senders import JointControl, JointControls

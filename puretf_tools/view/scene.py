@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 import viser
 
-from puretf import comma_list, shortened
+from puretf._text.names import comma_list, shortened
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.forest import descend
 from puretf_tools.robot.descriptions import DescriptionOrWhy

@@ -6,7 +6,7 @@ import json
 from math import pi
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from puretf import abbreviated, LONGEST_NAME
+from puretf._text.names import abbreviated, LONGEST_NAME
 
 if TYPE_CHECKING:
     import viser

@@ -6,7 +6,8 @@ from typing import Any
 
 import viser
 
-from puretf import comma_list, SECOND, shortened
+from puretf import SECOND
+from puretf._text.names import comma_list, shortened
 from puretf_tools.doctor.checks import ERROR, Finding
 from puretf_tools.inspection.forest import Forest, self_and_ancestors
 from puretf_tools.inspection.traffic import rate_of

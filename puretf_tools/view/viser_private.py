@@ -28,7 +28,7 @@ from time import monotonic
 from typing import Any, Optional, TYPE_CHECKING
 import warnings
 
-from puretf import abbreviated, visible
+from puretf._text.names import abbreviated, visible
 from puretf_tools.cli.parser import CommandError
 
 #: The versions of viser that can be used, as in setup.py.

@@ -16,8 +16,8 @@ from dummy_arm.check_arm import main
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.sheet import FRAMES
 from puretf import StaticTransformBroadcaster
-from puretf._ros import domains
-from puretf.domains import ros_domains
+from puretf._causes import domains
+from puretf._causes.domains import ros_domains
 
 #: Our arm, ten times as fast, so that a few seconds show its periods.
 FAST = [argument for number, speed in enumerate((3.0, 5.0, 7.0), 1)

@@ -172,7 +172,7 @@ def test_a_robot(ros):
 
 
 def test_messages_at_their_stamps(ros):
-    """All are counted, of which a part is read."""
+    """Each topic has a row, also a latched one."""
     sender = TransformBroadcaster(ros.node)
     fast = ros.node.create_publisher(PointStamped, '/fast', 100)
     path = ros.node.create_publisher(PointStamped, '/path', LATCHED)
@@ -191,7 +191,6 @@ def test_messages_at_their_stamps(ros):
     table = {row['topic']: row for row in data['topics']}
     assert table['/fast']['at_once'] > 0.8
     assert table['/fast']['messages'] > 3 * table['/path']['messages']
-    assert table['/fast']['judged'] < 0.5 * table['/fast']['messages']
     assert table['/path']['waiting'] == 1.0
     assert 0.2 < table['/path']['median_wait'] < 0.6
     assert table['/path']['queue'] >= 5  # in 0.3 s, on a busy computer
@@ -321,7 +320,7 @@ def test_two_nodes_send_joint_states(ros, make_node):
     assert codes(data) == {'two_joint_publishers'}
     finding = finding_of(data, 'two_joint_publishers')
     assert ({*finding['nodes']}, finding['frames']) == ({'/test', '/gui'}, ['arm'])
-    assert 'both send turn on /joint_states: ' in finding['evidence']
+    assert ' messages) send turn on /joint_states' in finding['evidence']
 
 
 def test_two_nodes_publish_the_clock(ros, other):

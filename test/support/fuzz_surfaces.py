@@ -32,9 +32,10 @@ from environment import COMMANDS, ROS
 from fuzz_messages import folder, Input, logged_texts, S, T
 from views import RIGHT
 
-from puretf import LONGEST_NAME, shortened, TransformBuffer, TransformException, visible
+from puretf import TransformBuffer, TransformException
 from puretf._core.frames import as_dot as frames_as_dot
 from puretf._core.pose import Row
+from puretf._text.names import LONGEST_NAME, shortened, visible
 from puretf._wire import cdr
 from puretf_tools.commands.tf2_monitor import format_traffic
 from puretf_tools.commands.view_frames import format_tree

@@ -8,8 +8,8 @@ from typing import Any, NoReturn, Optional
 from environment import DATA
 import pytest
 
-from puretf import TF_MESSAGE
 from puretf._core.pose import BatchOrRows, Row
+from puretf._text.names import TF_MESSAGE
 from puretf._wire import cdr, ros1
 from puretf._wire.cdr import Fields
 from puretf._wire.message_reader import MessageReader

@@ -19,7 +19,7 @@ from typing import Any
 from environment import code_without, COMMANDS, ROS
 import pytest
 
-from puretf.domains import used_domains
+from puretf._causes.domains import used_domains
 
 TIMEOUT = 60.0  # s; most waits take well under a second, unless the machine is overloaded
 _GRACE = 10.0  # s; a process normally ends within 0.2 s

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from messages import fail_on_error, written
 import pytest
 
-from puretf import abbreviated, shortened, TransformBuffer, TransformException, visible
+from puretf import TransformBuffer, TransformException
 from puretf._core.engine import engine_of
 from puretf._core.frames import as_string, Frame
 from puretf._core.history import History
 from puretf._core.pose import Row
 from puretf._text import similar_names
+from puretf._text.names import abbreviated, shortened, visible
 from puretf._wire import cdr, ros1
 from puretf._wire.message_reader import MessageReader
 

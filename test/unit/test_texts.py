@@ -2,7 +2,9 @@
 
 import pytest
 
-from puretf import ConnectivityException, is_slip, near_names, shortened, TransformBuffer
+from puretf import ConnectivityException, TransformBuffer
+from puretf._text.names import shortened
+from puretf._text.similar_names import is_slip, near_names
 
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 #: Two names of one frame.

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from puretf import display_time
 from puretf._core.times import nanoseconds, nanoseconds_or_int
+from puretf._text.times import display_time
 
 
 @pytest.mark.parametrize('time', [
