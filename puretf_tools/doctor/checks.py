@@ -448,7 +448,6 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
                 if refused.number > track['foreign'])
     stepped = {track for track in observation.tracks if track.stream.clock_step}
     for tracks in observation.by_publisher(stepped.__contains__):
-        children = [*map(_child_of, tracks)]
         worst = max(tracks, key=itemgetter('largest_step'))
         before, after = map(_compared, worst.stream.clock_step or ())
         yield _Fault(
@@ -472,12 +471,10 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
     if 'arrivals' not in observation.not_known and (others := _in_time(observation)):
         for tracks in observation.by_publisher(
                 lambda track: track not in stepped and _off_by(track)):
-            children = [*map(_child_of, tracks)]
             offset = apart(_off_by(tracks[0]), tracks[0]['stamp'])
-            yield _Fault(
-                f'the stamps of {_names(children)} are {offset} the arrival; {others} are in '
-                'time', tracks,
-                remedy=_synchronise(observation, tracks))
+            yield _Fault(f'the stamps of {_names(map(_child_of, tracks))} are {offset} the '
+                         f'arrival; {others} are in time', tracks,
+                         remedy=_synchronise(observation, tracks))
 
 
 def _off_by(track: Track) -> int:
