@@ -873,7 +873,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                 f'{exact_time(before)}' if stream.is_hole else _step_text([worst]))
         yield _Fault(
             f'{hole}; the usual period is {stream.period / SECOND:.2g} s; {stream.gaps} of '
-            f'{len(stream.steps)} steps from stamp to stamp are longer than {GAP} periods', tracks,
+            f'{stream.steps} steps from stamp to stamp are longer than {GAP} periods', tracks,
             time=before)
     if paused:
         length, before = max(track.stream.largest_step for track in paused)
@@ -883,7 +883,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
             remedy='If the recording was not paused, look at the computer that has recorded.'
             if observation.has_record_times else 'Look at this computer.')
     ended = {track for track in observation.newest.values()
-             if len(track.stream.steps) >= FEWEST and track['last_time'] and (
+             if track.stream.steps >= FEWEST and track['last_time'] and (
                  observation.until - track['last_time'] > max(
                      GAP * track.stream.period, SHORTEST_GAP))}
     for tracks in observation.by_publisher(ended.__contains__):
@@ -913,7 +913,7 @@ def _start_again(node: str) -> str:
 
 def _has_gap(track: Track) -> bool:
     stream = track.stream
-    return len(stream.steps) >= FEWEST and (stream.has_many_gaps or bool(
+    return stream.steps >= FEWEST and (stream.has_many_gaps or bool(
         stream.has_long_step and not stream.clock_step and (not stream.stall or stream.is_hole)))
 
 
@@ -953,7 +953,7 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
 def _jump(observation: Observation) -> Iterator[_Fault]:
     """Find frames that move ten times as fast from one pose to the next as they do otherwise."""
     for track in observation.tracks:
-        if len(track.stream.steps) >= FEWEST and not track.stream.alternates and (
+        if track.stream.steps >= FEWEST and not track.stream.alternates and (
                 track['jump'] >= SMALLEST_JUMP
                 and track['largest_speed'] > JUMP * track['usual_speed']):
             yield _Fault(

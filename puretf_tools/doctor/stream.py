@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from functools import cached_property
+from math import nan
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -19,9 +20,9 @@ SHARE = 0.05
 #: `SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are at
 #: least the part `_JITTER` of all steps, and at least `_FEWEST_GAPS`.
 GAP, SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
-#: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
-#: some programs send several transforms of a frame at once.
-FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
+#: The smallest number of steps, and of delays, that are judged. A shorter period (ns) counts as
+#: this one, since some programs send several transforms of a frame at once.
+FEWEST, _FEWEST_DELAYS, _SHORTEST_PERIOD = 10, 3, SECOND // 1000
 #: A stamp that several messages have has stalled after this time (ns), and so many periods.
 _STALLED, _PERIODS = SECOND, 3
 #: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
@@ -44,7 +45,11 @@ class Stall(NamedTuple):
 
 
 class Stream:
-    """The arrivals and the stamps of the transforms of a frame, or of the messages of a topic."""
+    """
+    The arrivals and the stamps of the transforms of a frame, or of the messages of a topic.
+
+    Of what is computed, only numbers are kept, since there can be millions of messages.
+    """
 
     def __init__(self, arrivals: _Array, stamps: _Array, times: Optional[_Array] = None,
                  begin: int = 1) -> None:
@@ -56,55 +61,59 @@ class Stream:
         :param times: the arrivals on the clock of the stamps (ns); None: not known.
         :param begin: what arrives before has no delay.
         """
-        order = np.argsort(arrivals, kind='stable')
-        order = order[stamps[order] != 0]
-        self.zero_stamps = len(stamps) - len(order)
-        self.arrivals, self.stamps = arrivals[order], stamps[order]
-        self._times = None if times is None else times[order]
-        self._begin = max(begin, 1)
+        self.zero_stamps = int(np.count_nonzero(stamps == 0))
+        if self.zero_stamps or (arrivals[1:] < arrivals[:-1]).any():
+            order = np.argsort(arrivals, kind='stable')
+            order = order[stamps[order] != 0]
+            times = None if times is None else times[order]
+            arrivals, stamps = arrivals[order], stamps[order]
+        self.arrivals, self.stamps, self._times = arrivals, stamps, times
+        #: The range of the stamps (ns); 0, 0: there is none.
+        self.oldest, self.latest = (int(stamps.min()), int(stamps.max())) if len(stamps) else (
+            0, 0)
+        self._judge_steps(np.diff(stamps))
+        delays = self._delays()
+        self._judge_delays(np.empty(0, np.int64) if delays is None else
+                           delays[arrivals >= max(begin, 1)])
 
-    # Delays
+    def _judge_steps(self, steps: _Array) -> None:
+        forward = steps[steps > 0]
+        self.steps = len(forward)  #: the number of steps forward, from stamp to stamp
+        self.period = float(np.median(forward)) if self.steps else 0.0  #: their median (ns)
+        #: The number of steps that are gaps.
+        self.gaps = int(np.count_nonzero(forward > GAP * max(self.period, _SHORTEST_PERIOD)))
+        self.has_many_gaps = self.gaps >= max(_FEWEST_GAPS, _JITTER * self.steps)
+        self._at = int(steps.argmax()) if self.steps else 0  # the stamp before the largest step
+        #: The largest step, and the stamp before it (ns); 0, 0: there is none.
+        self.largest_step = (int(steps[self._at]), int(self.stamps[self._at])) if (
+            self.steps) else (0, 0)
+        self.has_long_step = self.largest_step[0] > max(GAP * self.period, SHORTEST_GAP)
+        self.backwards = int(np.count_nonzero(steps < 0))  #: the number of steps back
+        self.step_back = -int(steps.min(initial=0))  #: the largest step back (ns)
+        #: The stamp before it (ns); 0: there is none.
+        self.step_back_at = int(self.stamps[steps.argmin()]) if self.step_back else 0
+        #: True if the stamps are of two clocks in turn, as those of two publishers.
+        self.alternates = self.step_back > _TURN and self.backwards > max(
+            _FEW_TURNS, _TURNS * len(self.stamps))
 
-    @cached_property
-    def all_delays(self) -> Optional[_Array]:
-        """The (n,) times from the stamps to the arrivals (ns); None: not known."""
+    def _judge_delays(self, delays: _Array) -> None:
+        self.delays = len(delays)  #: how many are known
+        #: Their mean (ns); NaN if there is none, or they are from two clocks.
+        self.mean_delay = float(delays.mean()) if self.delays and not self.alternates else nan
+        self.least_delay, self.greatest_delay = (int(delays.min()), int(delays.max())) if (
+            self.delays) else (0, 0)
+        #: How many are so large that the stamp is from another clock, late, or from the future.
+        self.foreign = int(np.count_nonzero(np.abs(delays) > OTHER_CLOCK))
+        self.late = int(np.count_nonzero((delays > LATE) & (delays <= OTHER_CLOCK)))
+        self.future = int(np.count_nonzero((delays < -FUTURE) & (delays >= -OTHER_CLOCK)))
+        low, median, high = np.quantile(delays, (0.1, 0.5, 0.9)).tolist() if (
+            self.delays >= _FEWEST_DELAYS) else (0, 0, SECOND)
+        #: The stamps minus the arrivals (ns), if they vary little; None: they do not.
+        self.offset = -round(median) if high - low < SECOND else None
+
+    def _delays(self) -> Optional[_Array]:
+        """Return the (n,) times from the stamps to the arrivals (ns); None: not known."""
         return None if self._times is None else self._times - self.stamps
-
-    @cached_property
-    def _delays(self) -> _Array:
-        return (np.empty(0, np.int64) if self.all_delays is None else
-                self.all_delays[self.arrivals >= self._begin])
-
-    @property
-    def delays(self) -> int:
-        """How many delays are known."""
-        return len(self._delays)
-
-    @cached_property
-    def mean_delay(self) -> float:
-        """The mean of the delays (ns); NaN if there is none, or they are from two clocks."""
-        return float(self._delays.mean()) if self.delays and not self.alternates else float('nan')
-
-    @cached_property
-    def least_delay(self) -> int:
-        return int(self._delays.min(initial=2**63 - 1)) if self.delays else 0
-
-    @cached_property
-    def greatest_delay(self) -> int:
-        return int(self._delays.max()) if self.delays else 0
-
-    @cached_property
-    def foreign(self) -> int:
-        """How many delays are so large that the stamp is from another clock."""
-        return int((np.abs(self._delays) > OTHER_CLOCK).sum())
-
-    @cached_property
-    def late(self) -> int:
-        return int(((self._delays > LATE) & (self._delays <= OTHER_CLOCK)).sum())
-
-    @cached_property
-    def future(self) -> int:
-        return int(((self._delays < -FUTURE) & (self._delays >= -OTHER_CLOCK)).sum())
 
     def has_many(self, field: str) -> bool:
         """Return whether many messages, whose stamps do not stand, are 'late', and so on."""
@@ -115,68 +124,17 @@ class Stream:
         return -FUTURE <= self.mean_delay <= LATE and not any(
             map(self.has_many, ('late', 'future', 'foreign')))
 
-    @cached_property
-    def offset(self) -> Optional[int]:
-        """The stamps minus the arrivals (ns), if they vary little; None: they do not."""
-        if self.delays < 3:
-            return None
-        low, median, high = np.quantile(self._delays, (0.1, 0.5, 0.9)).tolist()
-        return -round(median) if high - low < SECOND else None
-
-    # Steps from stamp to stamp
-
-    @cached_property
-    def _all_steps(self) -> _Array:
-        steps: _Array = np.diff(self.stamps)
-        return steps
-
-    @cached_property
-    def steps(self) -> _Array:
-        """The (n,) steps forward (ns)."""
-        return self._all_steps[self._all_steps > 0]
-
-    @cached_property
-    def period(self) -> float:
-        """The median of the steps forward (ns); 0.0: there is none."""
-        return float(np.median(self.steps)) if len(self.steps) else 0.0
-
-    @cached_property
-    def _at(self) -> int:
-        """The index of the stamp before the largest step."""
-        return int(self._all_steps.argmax()) if len(self.steps) else 0
-
-    @property
-    def largest_step(self) -> tuple[int, int]:
-        """The largest step, and the stamp before it (ns); 0, 0: there is none."""
-        return (int(self._all_steps[self._at]), int(self.stamps[self._at])) if len(
-            self.steps) else (0, 0)
-
     @property
     def arrivals_at_step(self) -> tuple[int, int]:
         """When the messages before and after the largest step have arrived (ns)."""
         before, after = self.arrivals[self._at:self._at + 2].tolist()
         return before, after
 
-    @property
+    @cached_property
     def is_hole(self) -> bool:
         """True if nothing has arrived during the largest step."""
-        if not len(self.steps):
-            return True
         pauses = np.diff(self.arrivals)
-        return bool(pauses[self._at] > GAP * np.median(pauses))
-
-    @property
-    def gaps(self) -> int:
-        """The number of steps that are gaps."""
-        return int(np.count_nonzero(self.steps > GAP * max(self.period, _SHORTEST_PERIOD)))
-
-    @property
-    def has_many_gaps(self) -> bool:
-        return self.gaps >= max(_FEWEST_GAPS, _JITTER * len(self.steps))
-
-    @property
-    def has_long_step(self) -> bool:
-        return self.largest_step[0] > max(GAP * self.period, SHORTEST_GAP)
+        return not self.steps or bool(pauses[self._at] > GAP * np.median(pauses))
 
     @cached_property
     def clock_step(self) -> Optional[tuple[float, float]]:
@@ -185,53 +143,22 @@ class Stream:
 
         Stamps step forward, while messages arrive as before, and delays are constant otherwise.
         """
-        if not self.has_long_step or self.all_delays is None or self.is_hole:
+        delays = self._delays()
+        if not self.has_long_step or delays is None or self.is_hole:
             return None
-        parts = self.all_delays[:self._at + 1], self.all_delays[self._at + 1:]
+        parts = delays[:self._at + 1], delays[self._at + 1:]
         if min(map(len, parts)) < FEWEST:
             return None
         (low, before, high), (least, after, most) = (
             np.quantile(part, (0.1, 0.5, 0.9)).tolist() for part in parts)
         return (before, after) if max(high - low, most - least) < LATE < before - after else None
 
-    # Stamps that go back, stand, or are odd
-
-    @property
-    def backwards(self) -> int:
-        """How many stamps are earlier than the one before."""
-        return int((self._all_steps < 0).sum())
-
-    @property
-    def step_back(self) -> int:
-        """The largest step back (ns)."""
-        return max(0, -int(self._all_steps.min(initial=0)))
-
-    @property
-    def step_back_at(self) -> int:
-        """The stamp before the largest step back (ns); 0: there is none."""
-        return int(self.stamps[self._all_steps.argmin()]) if self.step_back else 0
-
-    @cached_property
-    def alternates(self) -> bool:
-        """True if the stamps are of two clocks in turn, as those of two publishers."""
-        return self.step_back > _TURN and self.backwards > max(
-            _FEW_TURNS, _TURNS * len(self.stamps))
-
-    @property
-    def oldest(self) -> int:
-        """The oldest stamp (ns); 0: there is none."""
-        return int(self.stamps.min()) if len(self.stamps) else 0
-
-    @property
-    def latest(self) -> int:
-        return int(self.stamps.max()) if len(self.stamps) else 0
-
     @cached_property
     def stall(self) -> Optional[Stall]:
         """The stamp that stands longest, though messages arrive; None: there is none."""
-        if len(self.stamps) - len(self.steps) < 3 or self._times is None:
+        if len(self.stamps) - self.steps < 3 or self._times is None:
             return None
-        changes = np.flatnonzero(self._all_steps) + 1
+        changes = np.flatnonzero(np.diff(self.stamps)) + 1
         begins, ends = np.append(0, changes), np.append(changes, len(self.stamps))
         spans, numbers = self._times[ends - 1] - self._times[begins], ends - begins
         has_stalled = (numbers > 2) & (spans >= max(_STALLED, _PERIODS * self.period))
