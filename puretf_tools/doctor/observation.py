@@ -224,8 +224,9 @@ class Observation:
         found: dict[Track, Refused] = {}
         for tracks in self.by_child.values():
             streams = [track.stream for track in tracks if len(track.stream.stamps)]
-            if not streams or max(each.latest for each in streams) - min(
-                    each.oldest for each in streams) <= CACHE:
+            if (len(streams) < 2 and not any(each.backwards for each in streams)) or max(
+                    each.latest for each in streams) - min(
+                        each.oldest for each in streams) <= CACHE:
                 continue
             times, stamps, numbers = (np.concatenate(each) for each in zip(*(
                 (track.stream.arrivals, track.stream.stamps,

@@ -148,8 +148,9 @@ class Statistics(Counts):
         since = [self._since.get(track.publisher, 0) for track in tracks]
         keys = (*sorted({key for track in tracks for key in self._keys.get(track.number, ())}),)
         if keys not in self._streams:
-            arrivals, stamps = (np.concatenate([np.empty(0, np.int64), *(
-                self._arrivals[key][column] for key in keys)]) for column in (0, 1))
+            arrivals, stamps = (np.asarray(each) for each in self._arrivals[keys[0]]) if (
+                len(keys) == 1) else (np.concatenate([np.empty(0, np.int64), *(
+                    self._arrivals[key][column] for key in keys)]) for column in (0, 1))
             self._streams[keys] = Stream(
                 arrivals, stamps, self.clock.at(arrivals), max(since, default=0) + self.settling)
         return self._streams[keys]
@@ -202,8 +203,8 @@ class Statistics(Counts):
                 self._arrivals[key] = array('q'), array('q')
                 for number in key:
                     self._keys.setdefault(number, []).append(key)
-            for values, new in zip(self._arrivals[key], (table.times, column)):
-                values.frombytes(new.tobytes())
+            times, kept = self._arrivals[key]
+            self._arrivals[key] = _appended(times, table.times), _appended(kept, column)
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
         names = parent.removeprefix('/'), child.removeprefix('/')
@@ -222,6 +223,15 @@ class Statistics(Counts):
             track.parents[names[0]] = None
             track.slashed.update(name for name in (parent, child) if name.startswith('/'))
         return number
+
+
+def _appended(values: 'array[int]', new: NDArray[np.int64]) -> 'array[int]':
+    """Append to an array, or to a copy: an array at which a `Stream` looks cannot grow."""
+    try:
+        values.frombytes(new.tobytes())
+    except BufferError:
+        return array('q', values.tobytes() + new.tobytes())
+    return values
 
 
 # Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.
