@@ -37,8 +37,11 @@ _LARGE = 10 * SECOND
 
 
 def _is_played(facts: Facts) -> bool:
-    """Return whether a bag is played."""
-    return any(PLAYER in each.node for each in facts.around.publishers or ())
+    """Return whether the edge is from a bag that is played."""
+    around = facts.around
+    node = around.node_of(facts.edge.authority)
+    nodes = [node] if node else around.nodes(around.topics[-1]) if around.topics else ()
+    return bool(nodes) and all(PLAYER in node for node in nodes)
 
 
 def _is_in_time(facts: Facts) -> bool:

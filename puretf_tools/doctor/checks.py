@@ -258,7 +258,7 @@ def _by(observation: Observation, track: Track) -> str:
 
 def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
     """Return whether a frame seldom gets another parent, as when a gripper takes an object."""
-    return (not any(track.is_static for track in tracks)
+    return (len({track.is_static for track in tracks}) == 1
             and sum(track.switches for track in tracks) <= max(
                 _FEW_SWITCHES, _SWITCHES * total(tracks, 'count'))
             and all(_take_turns(observation, a, b) for a, b in combinations(tracks, 2)))
@@ -267,7 +267,7 @@ def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
 def _take_turns(observation: Observation, a: Track, b: Track) -> bool:
     """Return whether one publisher is silent while the other one sends several transforms."""
     arrivals = [track.stream.arrivals for track in (a, b)]
-    if min(map(len, arrivals)) <= _FEW_SWITCHES:
+    if a.is_static or min(map(len, arrivals)) <= _FEW_SWITCHES:
         return not _exist_together(observation, a, b)
     first, second = sorted(arrivals, key=itemgetter(0))
     turns = np.concatenate([np.zeros(len(first)), np.ones(len(second))])[
@@ -633,7 +633,8 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
             observation, topic, found, 'are too old: when they arrive, their transforms are up to '
             f'{in_words(cache)}{_known(-cache)} older than the newest ones',
             'Send the messages sooner, or give the listener a cache_time of '
-            f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE else None)
+            f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE and not (
+                observation.topic_streams[topic.topic].stalled) else None)
 
 
 @_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its clock '
@@ -646,9 +647,11 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
         reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
                   if edge.end < last else
                   'arrive when those of other edges are not kept any more')
+        node = _ended_node(observation, observation.newest[edge.child])
         fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
-                         f'{_edge_text(observation, edge)} {reason}',
-                         _start_again(_ended_node(observation, observation.newest[edge.child])))
+                         f'{_edge_text(observation, edge)} {reason}', _start_again(node) or (
+                             'Correct the clock that stamps the messages.'
+                             if _lead(observation, topics) else ''))
         yield fault._replace(time=int(edge.end))
 
 
@@ -815,9 +818,10 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     """Find nodes on different clocks: use_sim_time is true in some only."""
     answers = observation.use_sim_time
     using = [node for node, uses in answers.items() if uses]
-    others = [node for node, uses in answers.items()
-              if not uses and _needs_time(observation, node)]
     clocks = {sender.node for sender in observation.clocks}
+    # What publishes /clock needs no use_sim_time.
+    others = [node for node, uses in answers.items()
+              if not uses and node not in clocks and _needs_time(observation, node)]
     # A simulation beside a robot may use its own clock.
     if not others or not clocks or all(
             node in clocks and not _needs_time(observation, node) for node in using):
@@ -888,11 +892,15 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                      GAP * track.stream.period, SHORTEST_GAP))}
     for tracks in observation.by_publisher(ended.__contains__):
         silence = observation.until - min(track['last_time'] for track in tracks)
-        node = _ended_node(observation, tracks[0])
+        node, name = _ended_node(observation, tracks[0]), observation.node_of(tracks[0])
+        own = [each for each in observation.newest.values() if observation.node_of(each) == name]
+        # A node may send the frames of what it sees, which comes and goes.
+        goes_on = name and tracks[0].publisher in (observation.present or ()) and (
+            min(each['last_time'] for each in own) < max(each['first_time'] for each in own))
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
                      f'last {in_words(silence)}, and {_hertz(tracks[0])} before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
-                     remedy=_start_again(node),
+                     remedy=_start_again(node), severity=INFO if goes_on else '',
                      time=min(track['latest'] for track in tracks))
 
 
@@ -1030,7 +1038,7 @@ def _of_this_clock(observation: Observation, text: str, tracks: Sequence[Track]
                    ) -> Optional[_Fault]:
     """Return a fault of the clock of the arrivals, if all messages are as far from it."""
     delays = [each.mean_delay for each in observation.topic_streams.values() if each.delays]
-    if not delays:
+    if not delays or _in_time(observation):
         return None
     delays += [track.stream.mean_delay for track in tracks]
     if not max(delays) - min(delays) <= LATE:

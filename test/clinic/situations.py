@@ -533,6 +533,22 @@ FAULTY = [
          Sender('/lamp', ['world lamp'])], sensors=[
             Sensor('/l1', '/scan_1', 'base_1'), Sensor('/l2', '/scan_2', 'base_2'),
             Sensor('/light', '/light', 'lamp')]), [], ['disconnected', 'several_trees']),
+    Situation('the stamps of a driver are 0.3 s ahead, and scans are in time', World(
+        [DRIVER._replace(offset=0.3), LASER], sensors=[Sensor()]), [], ['future'],
+        report=['the farthest is 0.3 s ahead (base_link).']),
+    Situation('a bag with --clock, and a camera of now', World([
+        Sender('/rosbag2_player', ['odom base_link'], offset=100.0 - NOW / S),
+        Sender('/camera', ['base_link cam'])], clock=100.0, clock_nodes=['/rosbag2_player'],
+        use_sim_time={'/rosbag2_player': False, '/camera': False, '/nav': True}), [],
+        ['use_sim_time_differs'], report=['use_sim_time is false in /camera, and true in /nav']),
+    Situation('two lidars on one topic, one of them on GPS time', World(
+        [DRIVER, LASER], sensors=[Sensor(stamp=lambda time: time + time // (S // 10) % 2 * 18 * S)
+    ]),
+        [], ['message_never', 'message_early'],
+        report=['Correct the clock that stamps the messages.']),
+    Situation('a lidar repeats its last stamp', World([DRIVER, LASER], sensors=[
+        Sensor(stamp=lambda time: min(time, NOW - 15 * S))]), [], ['message_too_old'],
+        report=['On /scan, by /lidar.\n    More: ']),
     Situation('a second parent comes now and then', World([
         DRIVER, Sender('/scene', ['odom box']), Sender('/grip', ['base_link box'], 0.3)]), [],
         ['changing_parent']),
@@ -633,6 +649,13 @@ THOUGHT_OF = [
         Sender('/ekf', ['odom base_link'], begin=-19.99), LASER], has_gids=True, clock=100.0,
         clock_nodes=['/gazebo']),
         [Lookup('odom', 'laser', ['use_sim_time_differs'], ('the data are not',), at=0.0)]),
+    Situation('a bag has the map only, and the clock of the driver is behind', World([
+        DRIVER._replace(offset=-90.0), Sender('/rosbag2_player', ['world map'], 0, '/tf_static')]),
+        [Lookup('odom', 'base_link', ['other_clock'], ('synchronise the clocks',), at=0.0)]),
+    Situation('a bag is played beside the robot', World([DRIVER, Sender(
+        '/rosbag2_player', ['odom base_link'], offset=-1e6, begin=-15.0)], has_gids=True),
+        [Lookup('odom', 'base_link', ['time_goes_back'], ("only one node send 'base_link'",),
+                at=-1e6)]),
     Situation('the simulation has crashed', World([
         DRIVER._replace(offset=100.0 - NOW / S, end=-10.0), LASER], clock=90.0, has_gids=True),
         [Lookup('odom', 'laser', ['no_clock'], ('nothing publishes /clock',), at=0.05)]),
@@ -728,6 +751,11 @@ WELL = [
         Sensor('/viz', '/markers', 'map', stamp=lambda _: 0)]}),
     ('a simulation beside the robot', [DRIVER, LASER], {
         'clock_nodes': ['/twin'], 'use_sim_time': {'/twin': True, '/driver': False}}),
+    ('robot_state_publisher is started again with another description', [
+        DRIVER, LASER._replace(has_ended=True), Sender(
+            '/rsp', ['base_link mast', 'mast laser'], 0, '/tf_static', begin=-5.0)], {}),
+    ('boxes on a belt', [Sender('/tracker', [f'belt box_{i}'], 10, begin=6.0 * i - 18.0,
+                                end=6.0 * i - 14.0) for i in range(3)], {}),
     ('recording is paused', [
         DRIVER._replace(is_lost=lambda i: 200 < i < 320),
         SLAM._replace(is_lost=lambda i: 100 < i < 160)], {}),
