@@ -651,7 +651,7 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
         fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
                          f'{_edge_text(observation, edge)} {reason}', _start_again(node) or (
                              'Correct the clock that stamps the messages.'
-                             if _lead(observation, topics) else ''))
+                             if 0 < last - edge.end < 2 * _lead(observation, topics) else ''))
         yield fault._replace(time=int(edge.end))
 
 
