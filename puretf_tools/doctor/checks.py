@@ -1084,7 +1084,9 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
             observation.node_of(observation.refused[track].by) for track in refused],
             remedy='Restart the nodes that listen, or call clear() of their buffers; before a '
             'simulation or a bag starts again, stop the nodes that publish its transforms.'
-            if refused else '', time=worst['step_back_at'])
+            if refused else '', time=worst['step_back_at'],
+            # A clock that is adjusted may go back a little.
+            severity='' if refused or worst['step_back'] > SHORTEST_GAP else INFO)
 
 
 def _is_refused_for_another(observation: Observation, track: Track) -> bool:

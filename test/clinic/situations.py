@@ -817,6 +817,9 @@ UNLUCKY = [
 ]
 
 HEALTHY = [
+    Situation('a clock is set back by 0.1 s', World([DRIVER._replace(
+        stamp=lambda stamp: stamp - (stamp > NOW - 10 * S) * S // 10)]),
+        [Lookup('odom', 'base_link', None)]),
     Situation('2.23 map -> odom is dated ahead on purpose', World(
         [SLAM._replace(offset=1.0), DRIVER, LASER]), [Lookup('map', 'laser', None, at=-0.1)]),
     Situation('two robots with full prefixes, and one map', World([

@@ -127,7 +127,7 @@ FAULTS = {
         r'^1 of 200 transforms of base_link jump; at 1700000002\.000000000, by 8\.01 '
         r'\(m plus rad\), 40[01] per second; otherwise, it moves by at most 0\.5 per second$'),
     'time_goes_back': (
-        robot(change=lambda i: {'stamp': at(49)} if i == 50 else {'stamp': at(48)}
+        robot(change=lambda i: {'stamp': at(49)} if i == 50 else {'stamp': at(48) - S}
               if i == 51 else {}, edges=['odom base_link'])[:-48], ['base_link'],
         '^1 of 52 transforms of base_link with an earlier stamp'),
 }
