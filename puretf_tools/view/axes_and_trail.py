@@ -148,6 +148,6 @@ class Trail:
         if name not in display.shown(placement):
             return {}
         i = placement.names.index(name)
-        anchor, y = placement.anchor_of(name)
+        anchor = placement.anchors[i]
         return self.draw(anchor, name, placement.stamps[i], placement.poses[i, :3],
-                         (0.0, y, 0.0) - placement.origin)
+                         (0.0, placement.trees[anchor], 0.0) - placement.origin)

@@ -65,7 +65,7 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
                     'details')
     i = placement.names.index(name)
     frame = placement.frames.get(name)
-    target, _ = placement.anchor_of(name)
+    target = placement.anchors[i]
     rows = ''
     if frame is None:
         rows += _title('parent', '', 'no parent: this is a root')

@@ -66,7 +66,9 @@ class HandFrame:
     async def _on_numbers(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
             self._set_pose(self._position.value, self._angles.value)
-            self._move_handles()
+            position, angles = self._pose
+            x, y, z, w = _quaternion(angles)
+            self._handles.position, self._handles.wxyz = position, (w, x, y, z)
 
     async def _on_drag(self, event: 'viser.TransformControlsEvent') -> None:
         if event.phase == 'update':
@@ -80,11 +82,6 @@ class HandFrame:
         roll, pitch, yaw = (round(angle, _ANGLE_DIGITS) + 0.0 for angle in angles)
         self._pose = (x, y, z), (roll, pitch, yaw)
         self._position.value, self._angles.value = self._pose
-
-    def _move_handles(self) -> None:
-        position, angles = self._pose
-        x, y, z, w = _quaternion(angles)
-        self._handles.position, self._handles.wxyz = position, (w, x, y, z)
 
     def update(self, placement: Placement) -> None:
         """Move the handles with the parent, publish what has changed, and show the texts."""

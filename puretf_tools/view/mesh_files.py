@@ -22,11 +22,15 @@ from puretf_tools.robot.urdf_text import HAS_DOCTYPE
 #: The largest size of a file (bytes).
 MAX_BYTES = 50_000_000
 #: The largest number of triangles of a mesh.
-MAX_FACES = 2_000_000
+_MAX_FACES = 2_000_000
 #: The largest number of vertices, and of corners of polygons.
-MAX_CORNERS = 3 * MAX_FACES
+_MAX_CORNERS = 3 * _MAX_FACES
 #: The largest number of elements of COLLADA, and of objects of glTF: trimesh takes seconds.
-MAX_ELEMENTS, MAX_OBJECTS = 50_000, 20_000
+_MAX_ELEMENTS, _MAX_OBJECTS = 50_000, 20_000
+#: By format: what each part has, and the largest number of these: trimesh takes seconds for them,
+#: and mostly four times as long for twice as many.
+_PARTS = {'.glb': (b'{', _MAX_OBJECTS), '.dae': (b'<', _MAX_ELEMENTS), '.obj': (b'usemtl', 2000),
+          '.stl': (b'solid', 4000), '.ply': (b'property', 300)}
 #: The largest number of elements of an accessor of glTF that has no data.
 _MAX_WITHOUT_DATA = 1_000_000
 #: The largest sizes of the JSON of glTF, and of all its views and accessors (bytes).
@@ -51,19 +55,35 @@ class MeshError(Exception):
     """A mesh cannot be shown; the text says why, and what to do."""
 
 
-def refuse_parts() -> NoReturn:
+def _refuse_parts() -> NoReturn:
     raise MeshError('it has too many parts: join them in another program')
 
 
-def _refuse_faces() -> NoReturn:
-    raise MeshError(f'it has more than {MAX_FACES} triangles or {MAX_CORNERS} vertices: simplify '
-                    'it')
+def check_size(faces: int, corners: int) -> None:
+    """Refuse too many triangles, or vertices or corners of polygons."""
+    if faces > _MAX_FACES or corners > _MAX_CORNERS:
+        raise MeshError(f'it has more than {_MAX_FACES} triangles or {_MAX_CORNERS} vertices: '
+                        'simplify it')
+
+
+def checked(kind: str, data: bytes) -> tuple[bytes, float]:
+    """Return the data of a file for trimesh, and their unit (m); `kind`: the end of its name."""
+    mark, most = _PARTS.get(kind, (b' ', MAX_BYTES))
+    # A .glb file begins with JSON, whose length is known; the mark may occur in what follows.
+    parts_in = data[:20 + int.from_bytes(data[12:16], 'little')] if kind == '.glb' else data
+    if parts_in.lower().count(mark) > most:
+        _refuse_parts()
+    if kind == '.dae':
+        return _collada(data)
+    if kind == '.ply':
+        _check_ply(data)
+    return _glb(data) if kind == '.glb' else data, 1.0
 
 
 # COLLADA
 
 
-def collada(data: bytes) -> tuple[bytes, float]:
+def _collada(data: bytes) -> tuple[bytes, float]:
     """Return the meshes and scenes of COLLADA, without instances of nodes, and its unit (m)."""
     parser = ElementTree.XMLParser(target=_Builder())
     for begin in range(0, len(data), _PIECE):  # an error of the builder is raised after a piece
@@ -106,10 +126,9 @@ def _expand(root: Element, elements: Counter[str], corners: Counter[str]) -> Non
             all_elements += 1
             size += sum(map(len, (child.text or '', *child.attrib.values())))
             waiting.append(child)
-        if all_elements > MAX_ELEMENTS or size > MAX_BYTES:
-            refuse_parts()
-        if all_corners > MAX_CORNERS:
-            _refuse_faces()
+        if all_elements > _MAX_ELEMENTS or size > MAX_BYTES:
+            _refuse_parts()
+        check_size(0, all_corners)
 
 
 class _Builder(ElementTree.TreeBuilder):
@@ -140,7 +159,7 @@ def _corners(mesh: Element) -> int:
     corners = 0
     for primitive in mesh:
         if len(primitive.findall('input')) > _MAX_INPUTS:
-            refuse_parts()
+            _refuse_parts()
         indices = [_numbers(each, np.int64) for each in primitive.iterfind('p')]
         if not indices:
             continue
@@ -207,7 +226,7 @@ def _check_count(declared: int, most: int, what: str) -> None:
                         'again')
 
 
-def check_ply(data: bytes) -> None:
+def _check_ply(data: bytes) -> None:
     """Refuse elements that an ASCII file does not have; trimesh compares those of binary files."""
     head, _, rest = data.partition(b'end_header')
     if b'ascii' in head:
@@ -218,7 +237,7 @@ def check_ply(data: bytes) -> None:
 # glTF
 
 
-def glb(data: bytes) -> bytes:
+def _glb(data: bytes) -> bytes:
     """Return a binary glTF whose nodes, meshes and accessors fit its data."""
     end = 20 + int.from_bytes(data[12:16], 'little')
     if end - 20 > _MAX_JSON:
@@ -242,11 +261,10 @@ def glb(data: bytes) -> bytes:
     if total > _MAX_ACCESSED:
         raise MeshError(f'its accessors have more than {_MAX_ACCESSED // 10**6} MB: simplify it')
     meshes = [mesh['primitives'] for mesh in tree.get('meshes', [])]
-    if sum(_most(each, counts, numbers) for mesh in meshes for each in mesh) > MAX_CORNERS:
-        _refuse_faces()
+    check_size(0, sum(_most(each, counts, numbers) for mesh in meshes for each in mesh))
     _check_tree(nodes, tree.get('scenes', []))
-    if sum(len(meshes[node['mesh']]) for node in nodes if 'mesh' in node) > MAX_OBJECTS:
-        refuse_parts()
+    if sum(len(meshes[node['mesh']]) for node in nodes if 'mesh' in node) > _MAX_OBJECTS:
+        _refuse_parts()
     for material in tree.get('materials', []):  # trimesh would compute with all their pixels
         gloss = material.get('extensions', {}).get('KHR_materials_pbrSpecularGlossiness', {})
         for name in [name for name in gloss if name.endswith('Texture')]:

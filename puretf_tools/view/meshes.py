@@ -16,25 +16,10 @@ from numpy.typing import NDArray
 import trimesh
 
 from puretf_tools.robot.shapes import Rgba
-from puretf_tools.view.mesh_files import (
-    check_ply,
-    collada,
-    glb,
-    MAX_BYTES,
-    MAX_CORNERS,
-    MAX_ELEMENTS,
-    MAX_FACES,
-    MAX_OBJECTS,
-    MeshError,
-    refuse_parts,
-)
+from puretf_tools.view.mesh_files import check_size, checked, MAX_BYTES, MeshError
 
 #: The formats that are loaded, by the end of the file's name.
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
-#: By format: what each part has, and the largest number of these: trimesh takes seconds for them,
-#: and mostly four times as long for twice as many.
-_PARTS = {'.glb': (b'{', MAX_OBJECTS), '.dae': (b'<', MAX_ELEMENTS), '.obj': (b'usemtl', 2000),
-          '.stl': (b'solid', 4000), '.ply': (b'property', 300)}
 #: The scheme, or '' of a relative path, and the rest. RFC 3986 has no colon at its beginning.
 _NAME = re.compile(r'(?:(package|file)://|(?![^/]*:|$))(.*)', re.DOTALL)
 _LFS = b'version https://git-lfs.github.com/spec/'
@@ -140,11 +125,6 @@ def load(path: Path) -> Mesh:
         raise MeshError(f'it has more than {MAX_BYTES // 10**6} MB: simplify it')
     if data.startswith(_LFS):
         raise MeshError(f'{path} is a Git LFS pointer: git lfs pull')
-    mark, most = _PARTS.get(kind, (b' ', MAX_BYTES))
-    # A .glb file begins with JSON, whose length is known; the mark may occur in what follows.
-    parts_in = data[:20 + int.from_bytes(data[12:16], 'little')] if kind == '.glb' else data
-    if parts_in.lower().count(mark) > most:
-        refuse_parts()
     logging.getLogger('trimesh').setLevel(logging.CRITICAL)  # the panel has a line
     try:
         mesh = _joined(*_parts(kind, data))
@@ -165,23 +145,15 @@ def load(path: Path) -> Mesh:
 def _parts(kind: str, data: bytes
            ) -> tuple[list[tuple[NDArray[np.float64], trimesh.Trimesh]], float]:
     """Return meshes, each with its pose, and their unit (m)."""
-    unit = 1.0
-    if kind == '.dae':
-        data, unit = collada(data)
-    elif kind == '.glb':
-        data = glb(data)
-    elif kind == '.ply':
-        check_ply(data)
+    data, unit = checked(kind, data)
     # The wrong indices of a .ply file would be gone after processing.
     scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:],
                                **{'process': False} if kind == '.ply' else {})
     parts = [(matrix, scene.geometry[name])
              for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
              if isinstance(scene.geometry[name], trimesh.Trimesh)]
-    if (sum(len(part.faces) for _, part in parts) > MAX_FACES  # a part may be used often
-            or sum(len(part.vertices) for _, part in parts) > MAX_CORNERS):
-        raise MeshError(f'it has more than {MAX_FACES} triangles or {MAX_CORNERS} vertices: '
-                        'simplify it')
+    check_size(sum(len(part.faces) for _, part in parts),  # a part may be used often
+               sum(len(part.vertices) for _, part in parts))
     for _, part in parts:
         if len(part.faces) and not 0 <= part.faces.min() <= part.faces.max() < len(part.vertices):
             raise MeshError(f'a triangle of it has the vertices {part.faces.min()} to '

@@ -11,14 +11,14 @@ import viser
 
 from puretf_tools.view.axes_and_trail import Display
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import AUTOMATIC, Choice, copied, FrameChoice, html, LAST
+from puretf_tools.view.controls import add_keys, AUTOMATIC, Choice, copied, FrameChoice, html, LAST
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
-from puretf_tools.view.settings import fits, Settings
+from puretf_tools.view.settings import Settings
 from puretf_tools.view.tree_and_findings import Findings, Tree
 from puretf_tools.view.words import has_words, words_of
 
@@ -52,7 +52,7 @@ class Panel:
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
         self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
-        self._look_from, self._feed, self._gui = look_from, feed, gui
+        self._look_from, self._feed = look_from, feed
         self._add_left_panel(gui)
         self._pause: Any = None
         if feed.player is None:
@@ -60,14 +60,11 @@ class Panel:
             self._back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
             self._pause.on_update(self._on_pause)
             gui.add_button_group('Transforms', ('reset',)).on_click(lambda _: feed.reset())
-            self._add_key('Pause or resume', 'P', self._on_pause_key)
-            for label, key, step in (('Step back', 'B', _STEP), ('Step forward', 'N', -_STEP)):
-                self._add_key(label, key, partial(self._on_step, step))
+            add_keys(gui, {'P': self._on_pause_key, 'B': partial(self._on_step, _STEP),
+                           'N': partial(self._on_step, -_STEP)})
         self.fixed = FrameChoice(gui, 'Fixed frame', AUTOMATIC, settings)
-        for label, key, view in (('Focus on all frames', 'A', 'all'),
-                                 ('Focus on the selected frame', 'F', 'frame'),
-                                 ('Look from the top', 'T', 'top')):
-            self._add_key(label, key, partial(self._on_view, view=view))
+        add_keys(gui, {'R': self._on_reset_view, **{key: partial(self._on_view, view=view)
+                 for key, view in (('A', 'all'), ('F', 'frame'), ('T', 'top'))}})
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
         tabs = gui.add_tab_group()
         self.robot = RobotTab(gui, tabs, settings, feed.joint_controls)
@@ -93,7 +90,24 @@ class Panel:
         self.tree = Tree(gui, panel.add_tab('Tree'), self._settings,
                          partial(self._look_from, 'frame'))
         self.findings = Findings(gui, panel.add_tab('Findings'), self._feed)
-        self.places = Places(self._settings, gui.main_panel, panel)
+        self._panels = {'main': gui.main_panel, 'tree': panel}
+        self.put_panels()
+
+    def put_panels(self, stored: Optional[str] = None) -> None:
+        """Put the panels where they were, as the browser has stored it, or are at first."""
+        with suppress(Exception):  # it may have stored anything
+            for name, place in {**_PLACES, **json.loads(stored or '{}')}.items():
+                panel, (side, x, y, width, is_folded) = self._panels[name], place
+                if side == 'float':
+                    panel.float(x=x, y=y)
+                elif side in ('above', 'below'):
+                    getattr(panel, f'dock_{side}')(self._panels['main'])
+                else:
+                    (panel.dock_left if side == 'left' else panel.dock_right)()
+                if width:
+                    panel.set_width(width)
+                if is_folded:
+                    panel.minimize()
 
     def _add_view_controls(self, gui: viser.GuiApi) -> None:
         gui.add_button('Copy view').on_click(self._on_copy)
@@ -102,10 +116,6 @@ class Panel:
         self._paste.on_update(self._on_paste)
         self._problem = gui.add_html('')
         gui.add_button('Reset view').on_click(self._on_reset_view)
-        self._add_key('Reset view', 'R', self._on_reset_view)
-
-    def _add_key(self, label: str, key: Any, act: Callable[[Any], Any]) -> None:
-        self._gui.add_command(label, hotkey=key).on_trigger(act)
 
     async def _on_copy(self, _: Any) -> None:
         self._copied.content = html('Click the line to select it, and copy it:', 'copy') + copied(
@@ -118,6 +128,9 @@ class Panel:
 
     async def _on_reset_view(self, _: Any) -> None:
         self._settings.reset()
+        self.put_panels()
+        for panel in self._panels.values():
+            panel.expand()
 
     async def _on_view(self, event: Any, view: str = '') -> None:
         await self._look_from(view or event.target.value)
@@ -169,43 +182,6 @@ class Panel:
         for choice in self.trail, self.selected:
             choice.propose(self._proposal)
         self.display.names.propose(len(placement.names) <= MOST_NAMES)
-
-
-class Places:
-    """Where the panels are, and where a viewer has put them."""
-
-    def __init__(self, settings: Settings, main: Any, tree: Any) -> None:
-        """Put the panels where they are at first, or were kept."""
-        self._panels = {'main': main, 'tree': tree}
-        self._places: dict[str, Any] = {}
-        self._noted: Optional[str] = ''
-        self._put({})
-        settings.add('Panels', lambda: self._places, self._put)
-
-    def note(self, measured: Optional[str]) -> None:
-        """Keep what the browser has measured, if it differs from what it had at first."""
-        if self._noted != '' and measured != self._noted:  # '': not measured yet
-            with suppress(RecursionError, ValueError):
-                places = json.loads(measured or '')
-                self._places = places if fits('Panels', places) else self._places
-        self._noted = measured
-
-    def _put(self, places: dict[str, Any]) -> None:
-        before, self._places = self._places, places
-        for name, panel in self._panels.items():
-            side, x, y, width, is_folded = places.get(name, _PLACES[name])
-            if side == 'float':
-                panel.float(x=x, y=y)
-            elif side in ('above', 'below'):
-                getattr(panel, f'dock_{side}')(self._panels['main'])
-            else:
-                (panel.dock_left if side == 'left' else panel.dock_right)()
-            if width:
-                panel.set_width(width)
-            if is_folded:
-                panel.minimize()
-            elif before.get(name, _PLACES[name])[-1]:
-                panel.expand()
 
 
 class DisplayPanel:

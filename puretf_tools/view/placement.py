@@ -44,6 +44,7 @@ class Placement(NamedTuple):
 
     fixed: str  #: '' if there are no frames
     names: list[str]  #: of the n frames that have a pose
+    anchors: list[str]  #: (n,): of their trees
     parents: list[int]  #: (n,): the index of the parent in `names`, or -1
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
     points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), within `REACH`
@@ -61,13 +62,6 @@ class Placement(NamedTuple):
     not_finite: list[str]  #: frames that are not in `names` because x, y or z is not finite
     gone: int  #: the number of frames that have left the page; see `GONE`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
-
-    def anchor_of(self, name: str) -> tuple[str, float]:
-        """Return the anchor of the tree with a frame, and its y in the scene (m)."""
-        for ancestor in self_and_ancestors(name, self.frames):
-            if ancestor in self.trees:
-                return ancestor, self.trees[ancestor]
-        return self.fixed, 0.0
 
 
 class FrameWatcher:
@@ -90,8 +84,8 @@ class FrameWatcher:
         if fixed == found.fixed or found.fixed not in found.far:
             return found
         # Nobody has chosen this fixed frame, such as the centre of the Earth.
-        near = [name for name in found.names
-                if name not in found.far and found.anchor_of(name)[0] == found.fixed]
+        near = [name for name, anchor in zip(found.names, found.anchors)
+                if name not in found.far and anchor == found.fixed]
         return self._placement(min(near, key=_preference, default=''), until) if near else found
 
     def _placement(self, fixed: str, until: int) -> Placement:
@@ -113,8 +107,8 @@ class FrameWatcher:
                 each for each in forest.roots if each in shown and each != root]
             trees = {anchor: -SPACING * i for i, anchor in enumerate(anchors)}
             frames = {name: frame for name, frame in kept.items() if name in shown}
-            found = [(y, name, pose) for y, tree in zip(
-                trees.values(), self._buffer.lookup_all(trees, until, frames))
+            found = [(anchor, name, pose) for anchor, tree in zip(
+                trees, self._buffer.lookup_all(trees, until, frames))
                 for name, pose in tree.items()]
         placed = [each for each in found if all(map(isfinite, each[2].translation))]
         names = [name for _, name, _ in placed]
@@ -122,7 +116,7 @@ class FrameWatcher:
         poses = np.array([(*pose.translation, *pose.rotation)
                           for _, _, pose in placed]).reshape(-1, 7)
         places = poses[:, :3].copy()
-        places[:, 1] += [y for y, _, _ in placed]
+        places[:, 1] += [trees[anchor] for anchor, _, _ in placed]
         origin = self._origin(fixed, places)
         places -= origin
         points = within_reach(places)
@@ -130,7 +124,7 @@ class FrameWatcher:
         silences = {name: silences[name] for name in frames}
         age_of = ages_of(frames, trees, silences)
         return Placement(
-            fixed=fixed, names=names,
+            fixed=fixed, names=names, anchors=[anchor for anchor, _, _ in placed],
             parents=[index.get(frames[name].parent, -1) if name in frames else -1
                      for name in names],
             poses=poses, points=points, origin=origin,

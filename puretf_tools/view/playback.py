@@ -14,7 +14,7 @@ from puretf._text.names import abbreviated
 from puretf_tools.cli.times import when
 from puretf_tools.inspection.bag_times import both, why_outside
 from puretf_tools.view.camera import page_size
-from puretf_tools.view.controls import change, html
+from puretf_tools.view.controls import add_keys, change, html
 from puretf_tools.view.feed import BagFeed
 
 #: The step of the time slider (s).
@@ -54,9 +54,8 @@ class Playback:
         self._play.on_click(self._on_play)
         speed.on_click(self._on_speed)
         goal.on_update(self._on_goal)
-        for label, key, action in (('Pause or play the bag', 'P', _PAUSE),
-                                   ('Step back', 'B', _BACK), ('Step forward', 'N', _NEXT)):
-            gui.add_command(label, hotkey=key).on_trigger(partial(self._on_play, action=action))
+        add_keys(gui, {key: partial(self._on_play, action=action)
+                       for key, action in (('P', _PAUSE), ('B', _BACK), ('N', _NEXT))})
 
     def _slider(self) -> Any:
         """Add the slider of the time, with marks at the findings."""

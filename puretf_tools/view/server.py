@@ -6,9 +6,9 @@ import errno
 from functools import partial
 from ipaddress import ip_address
 import os
+import re
 import socket
 from typing import Optional, TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from puretf_tools.cli.parser import CommandError, UsageError
 from puretf_tools.view.viser_private import Server
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 PORTS = range(8080, 8180)
 #: The size of the send buffer of each connection (bytes).
 _SEND_BUFFER = 2**16
-#: The port of an http URL that does not name a port.
-_HTTP_PORT = 80
 
 
 @contextmanager
@@ -55,30 +53,18 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
         return ('a request must have one Host header and at most one Origin header, got '
                 f'{len(hosts)} and {len(origins)}')
     own = f'http://{hosts[0]}'
-    try:
-        scheme, name, port = _origin(own)
-        if origins and _origin(origins[0]) != (scheme, name, port):
-            return f'only pages of {own!r} can connect, not pages of {origins[0]!r}'
-    except ValueError:
-        return f'malformed Host or Origin header: {", ".join(map(repr, [*hosts, *origins]))}'
-    if is_loopback and not _is_of_this_machine(name):
+    if origins and origins[0].lower() != own.lower():
+        return f'only pages of {own!r} can connect, not pages of {origins[0]!r}'
+    if is_loopback and not _is_of_this_machine(hosts[0].lower()):
         return ('the page is served to this machine only, as localhost or 127.0.0.1, not as '
                 f'{hosts[0]!r}')
     return ''
 
 
-def _origin(url: str) -> tuple[str, str, int]:
-    """Return scheme, host name (both in lower case) and port; ValueError for any other URL."""
-    parts = urlsplit(url)
-    if not parts.hostname or parts.username is not None or url.lower() != (
-            f'{parts.scheme}://{parts.netloc}'.lower()):
-        raise ValueError(url)
-    return parts.scheme, parts.hostname, _HTTP_PORT if parts.port is None else parts.port
-
-
-def _is_of_this_machine(name: str) -> bool:
+def _is_of_this_machine(host: str) -> bool:
+    name = re.sub(r':\d+\Z', '', host)
     try:
-        return ip_address(name).is_loopback
+        return ip_address(name[1:-1] if name.startswith('[') else name).is_loopback
     except ValueError:
         return name == 'localhost'
 

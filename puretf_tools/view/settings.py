@@ -15,11 +15,9 @@ if TYPE_CHECKING:
 _RANGES = {'Axis length (m)': (0.02, 2.0), 'Frame timeout (s)': (1.0, 60.0), 'Opacity': (0.1, 1.0)}
 #: What the pair is plotted over: the last seconds; 0: the whole bag.
 SPANS = {'20 s': 20, '2 min': 120, 'whole bag': 0}
-#: The largest coordinate of a camera (m), the largest place of a panel (pixels), and the largest
-#: stamp (ns).
-_FARTHEST, _FARTHEST_PANEL, _LATEST = 1e12, 1e5, 2**63 - 1
+#: The largest coordinate of a camera (m), and the largest stamp (ns).
+_FARTHEST, _LATEST = 1e12, 2**63 - 1
 _LONGEST_SHOWN = 60  # characters of a value that is refused
-_SIDES = {'main': ('left', 'right', 'float'), 'tree': ('left', 'right', 'float', 'above', 'below')}
 
 
 class _Kind(NamedTuple):
@@ -46,14 +44,6 @@ def _is_camera(value: Any) -> bool:
             value[6], 1e-3, pi))
 
 
-def _are_places(value: Any) -> bool:
-    return type(value) is dict and value.keys() <= _SIDES.keys() and all(
-        type(place) is list and len(place) == 5 and place[0] in _SIDES[name]
-        and all(_is_number(each, -_FARTHEST_PANEL, _FARTHEST_PANEL) for each in place[1:3])
-        and _is_number(place[3], 0, _FARTHEST_PANEL) and type(place[4]) is bool
-        for name, place in value.items())
-
-
 def _slider(lower: float, upper: float) -> _Kind:
     return _Kind(lambda value: _is_number(value, lower, upper),
                  f'a number from {lower:g} to {upper:g}')
@@ -78,16 +68,8 @@ _KINDS = {
                        f'one of {", ".join(SPANS)}'),
     'Camera': _Kind(_is_camera, 'empty, or position, target (m; each number from '
                     f'{-_FARTHEST:g} to {_FARTHEST:g}) and angle (rad; from 0.001 to pi)'),
-    'Panels': _Kind(_are_places, 'by the name of a panel, its side, x, y (pixels; from '
-                    f'{-_FARTHEST_PANEL:g} to {_FARTHEST_PANEL:g}), its width (from 0 to '
-                    f'{_FARTHEST_PANEL:g}) and whether it is folded'),
     'Time': _Kind(lambda value: type(value) is int and 0 <= value <= _LATEST,
                   f'an integer from 0 to {_LATEST} (ns)')}
-
-
-def fits(name: str, value: Any) -> bool:
-    """Return whether a setting can have a value."""
-    return _KINDS[name].has(value)
 
 
 class _Kept(NamedTuple):
@@ -139,7 +121,8 @@ class Settings:
     def as_json(self) -> str:
         """Return a line of JSON; `restore` takes it, so what does not fit is left out."""
         values = {**self._wanted, **{name: kept.read() for name, kept in self._kept.items()}}
-        return json.dumps({name: value for name, value in values.items() if fits(name, value)})
+        return json.dumps({name: value for name, value in values.items()
+                           if _KINDS[name].has(value)})
 
     def restore(self, text: str) -> str:
         """Set what a line of JSON says, and return ''; or set nothing, and return why."""
@@ -150,7 +133,7 @@ class Settings:
             return 'this is no view: copy the line that "Copy view" shows'
         known = {name: value for name, value in values.items() if name in _KINDS}
         for name, value in known.items():
-            if not fits(name, value):
+            if not _KINDS[name].has(value):
                 return f'{name} must be {_KINDS[name].description}, got {_shown(value)}'
         self._wanted = known
         for name in known:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache, partial
-from itertools import cycle
 from queue import SimpleQueue
 from threading import Thread
 from time import monotonic
@@ -168,6 +167,7 @@ class Viewer:
         """Show what the browser has stored, or else what is shown at first."""
         if why := self._settings.reset(self.pace.stored or ''):
             self._client.add_notification('The view that was kept is refused', why)
+        self._panel.put_panels(self.pace.panels)
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
         if self.pace.is_blocked:
@@ -214,8 +214,7 @@ class Viewer:
             raise self.pace.error
         if self._placement is None:
             self._restore()
-        set_pixel_ratio(self._client.camera, self.pace.answers.get(PIXEL_RATIO))
-        panel.places.note(self.pace.answers.get(PANELS, ''))
+        set_pixel_ratio(self._client.camera, self.pace.pixel_ratio)
         if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
@@ -292,8 +291,10 @@ class Pace:
         """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
         self._client, self._key = client, key
         self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
+        #: What the browser has stored: the view, and what additions.html measures.
         self.stored: Optional[str] = None
-        self.answers: dict[str, Optional[str]] = {}  #: to PIXEL_RATIO and PANELS
+        self.panels: Optional[str] = None
+        self.pixel_ratio: Optional[str] = None
         self.is_blocked = False  #: True if the browser stores nothing
         self.is_waiting = True  #: True until the last update has been handled
         self.error: Optional[Exception] = None  #: what has ended the thread
@@ -324,13 +325,12 @@ class Pace:
         try:
             # A browser that is slow must not begin anew, and store that.
             self.stored = self._client.local_storage.get_item(self._key)
+            self.panels = self._client.local_storage.get_item(PANELS)
         except RuntimeError:  # or the viewer has left
             self.is_blocked = True
         self.is_waiting = False
-        questions = cycle((PIXEL_RATIO, PANELS))
         while move := self._moves.get():
-            key = next(questions)
             with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
-                self.answers[key] = self._client.local_storage.get_item(key)
+                self.pixel_ratio = self._client.local_storage.get_item(PIXEL_RATIO)
             move()
             self.is_waiting = False

@@ -249,25 +249,27 @@ def test_a_view_that_stays_and_is_sent(start, browse, tmp_path):
 
     def shows(page):
         names = page.scene().names.keys()  # from the top, one of the two covers the other
-        return names and names <= {'map, base_link', 'joint_1'} and place(page) == there
+        return names and names <= {'map, base_link', 'joint_1'}
 
     set_up()
-    stored = "Object.entries(localStorage).find(([key]) => key.endsWith(' 0'))[1]"
+    stored = ("[Object.entries(localStorage).find(([key]) => key.endsWith(' 0'))[1], "
+              "localStorage['viser-user:panels'] ?? '{}']")
 
     def is_stored():
-        view, box = json.loads(page.page.evaluate(stored)), place(page)
+        (view, panels), box = map(json.loads, page.page.evaluate(stored)), place(page)
         return [view['Fixed frame'], view['Hidden branches'], view['Grid'], *view['Camera'][-1:],
-                *view['Panels'].get('tree', [])[:3]] == [
+                *panels.get('tree', [])[:3]] == [
                     'joint_1', ['joint_2'], False, 0.1, 'float', box['x'], box['y']]
 
     page.until(is_stored)
     there = place(page)
     page.until(lambda: shows(page))
     page.page.reload()
-    page.until(lambda: shows(page))
+    page.until(lambda: shows(page) and place(page) == there)
     view.end_normally()
     view = start(*tool('web_view', '--port', str(port)))
-    page.until(lambda: shows(page), pause=lambda: page.page.wait_for_timeout(200))
+    page.until(lambda: shows(page) and place(page) == there,
+               pause=lambda: page.page.wait_for_timeout(200))
     page.open_tab('Display')
     page.button('Copy view')
     page.until(lambda: page.page.locator('[data-text="view"]').count())

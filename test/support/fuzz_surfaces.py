@@ -632,7 +632,7 @@ def _view(source: Input) -> str:
         if kind < 4 or not depth:
             return source.choice(values)
         return [value(depth - 1) for _ in range(source.integer(8))] if kind == 4 else {
-            source.choice(('main', 'tree', 'x')): value(depth - 1)
+            source.choice(('x', 'y', 'z')): value(depth - 1)
             for _ in range(source.integer(3))}
 
     if (kind := source.integer(15)) == 0:

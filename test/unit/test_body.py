@@ -20,7 +20,7 @@ from viewer import CLICK, Page, recorded, Viewer
 from puretf_tools.commands.web_view import main
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.descriptions import parsed
-from puretf_tools.view import meshes as meshes_module
+from puretf_tools.view import mesh_files
 from puretf_tools.view.body import MAX_SHAPES
 from puretf_tools.view.export import Recording
 from puretf_tools.view.feed import BagFeed
@@ -468,7 +468,7 @@ def test_a_mesh_of_several_parts(tmp_path):
 def test_parts_that_are_used_often_count_each_time(tmp_path, monkeypatch):
     """A small file can name the same part a thousand times."""
     import trimesh
-    monkeypatch.setattr(meshes_module, 'MAX_FACES', 30)
+    monkeypatch.setattr(mesh_files, '_MAX_FACES', 30)
     scene = trimesh.Scene()
     for x in range(3):
         scene.add_geometry(trimesh.creation.box((1, 1, 1)), geom_name='box', transform=(

@@ -2,9 +2,11 @@
 
 from contextlib import closing, ExitStack
 import os
+import re
 import signal
 from types import SimpleNamespace
 
+from environment import ROOT
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ pytest.importorskip('viser')
 from viewer import Page, recorded, Viewer
 from websockets.exceptions import ConnectionClosed
 
+from puretf_tools.view.controls import KEYS
 from puretf_tools.view.details import details
 from puretf_tools.view.export import Recording
 from puretf_tools.view.placement import FrameWatcher
@@ -98,6 +101,12 @@ def controls(clock, buffer):
             return Controls(playback, feed, viewer, clock)
 
         yield create
+
+
+def test_the_keys_are_in_the_docs():
+    """In this order."""
+    section = (ROOT / 'docs' / 'web.md').read_text().split('\n## Keys\n')[1].split('\n## ')[0]
+    assert ', '.join(re.findall(r'^\| ([A-Z, ]+) \|', section, re.M)) == ', '.join(KEYS)
 
 
 def test_speed_pause_time_and_steps(controls):

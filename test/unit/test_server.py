@@ -63,7 +63,7 @@ OWN = '127.0.0.1:8080'
 
 @pytest.mark.parametrize(('host', 'origin'), [
     (OWN, None), (OWN, f'http://{OWN}'), (OWN, f'HTTP://{OWN}'), ('localhost:1', None),
-    ('LocalHost:8080', 'http://localhost:8080'), ('localhost', 'http://localhost:80'),
+    ('LocalHost:8080', 'http://localhost:8080'), ('localhost', 'http://localhost'),
     ('127.1.2.3:8080', 'http://127.1.2.3:8080'), ('[::1]:8080', 'http://[::1]:8080'),
 ])
 def test_own_pages_are_served(host, origin):
@@ -81,7 +81,7 @@ def test_own_pages_are_served(host, origin):
     (OWN, OWN), (OWN, f'http://{OWN}/'), (OWN, f'http://{OWN}?'), (OWN, f'http://me@{OWN}'),
     (OWN, 'http://127.0.0.1:http'), (OWN, 'http://127.0.0.1:99999'), (OWN, 'http://[::1'),
     ('', None), (':8080', None), ('localhost:x', None),
-    ('localhost:0', 'http://localhost'), ('localhost:99999', None), ('[::1', None), ('[]', None),
+    ('localhost:0', 'http://localhost'), ('[::1', None), ('[]', None), ('[localhost]', None),
     ('me@localhost', None), ('localhost/evil', None), ('evil#localhost', None),
 ])
 def test_other_hosts_and_origins_are_refused(host, origin):
