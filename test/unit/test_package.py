@@ -1,7 +1,6 @@
 """The package as a whole: metadata, commands, names."""
 
 import ast
-import os
 import re
 import subprocess
 import sys
@@ -79,42 +78,6 @@ def test_the_public_names():
              if isinstance(node, ast.ImportFrom) and str(node.module).startswith('puretf.')
              for each in node.names}
     assert typed == {f'puretf.{module}.{name}' for name, module in puretf._MODULES.items()}
-
-
-PROGRAMS = """
-from puretf import SECOND, TransformBuffer, exact_time
-buffer = TransformBuffer(cache_time=10 * SECOND)
-buffer.insert(0, 'map', 'odom', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), is_static=True)
-print(exact_time(buffer.lookup_transform('map', 'odom', 0).stamp))
----
-import puretf
-import puretf.bag
-import puretf.rotations
-def frames(path: str) -> list[str]:
-    with puretf.bag.open(path) as opened:
-        return [frame.name for frame in opened.read().frames()]
----
-from puretf import Buffer, TransformListener, TransformBroadcaster
-from rclpy.node import Node
-class Listener(Node):
-    def __init__(self) -> None:
-        super().__init__('listener')
-        self.buffer = Buffer(node=self)
-        self.listener = TransformListener(self.buffer, self)
-        self.broadcaster = TransformBroadcaster(self)
-"""
-
-
-def test_programs_of_users_have_types(tmp_path):
-    """Type checkers find the types of this package from outside."""
-    pytest.importorskip('mypy')
-    files = [tmp_path / f'program_{i}.py' for i in range(PROGRAMS.count('---') + 1)]
-    for file, program in zip(files, PROGRAMS.split('---')):
-        file.write_text(program)
-    done = subprocess.run(
-        [sys.executable, '-m', 'mypy', '--strict', '--no-incremental', *files], cwd=tmp_path,
-        env={**os.environ, 'MYPYPATH': str(ROOT)}, text=True, capture_output=True, timeout=300)
-    assert done.returncode == 0, done.stdout
 
 
 def test_every_command_is_installed():
