@@ -16,7 +16,7 @@ from puretf._core.pose import Pose
 from puretf._core.times import nanoseconds, split
 from puretf._core.velocity import tf2_velocity
 from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
-from puretf._text.times import SECOND
+from puretf._text.times import CACHE_TIME
 from puretf.transform import Vector
 
 _LATEST = Time()
@@ -41,7 +41,7 @@ class BufferCore(BufferBase):
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
-        super().__init__(10 * SECOND if cache_time is None else nanoseconds(
+        super().__init__(CACHE_TIME if cache_time is None else nanoseconds(
             cache_time, 'cache_time'), max_frames, max_samples)
 
     def set_transform(self, transform: TransformStamped, authority: str = 'default_authority'

@@ -8,7 +8,7 @@ from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.engine import engine_of
 from puretf._core.history import load
 from puretf._core.times import nanoseconds_or_int
-from puretf._text.times import SECOND
+from puretf._text.times import CACHE_TIME, SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
 
@@ -24,7 +24,7 @@ class TransformBuffer(BufferBase):
     or the attributes `sec` and `nanosec`. `BufferBase` says what all buffers have in common.
     """
 
-    def __init__(self, cache_time: Any = 10 * SECOND, *, max_frames: int = 100_000,
+    def __init__(self, cache_time: Any = CACHE_TIME, *, max_frames: int = 100_000,
                  max_samples: Optional[int] = 10_000_000) -> None:
         """
         Create an empty buffer.

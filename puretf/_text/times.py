@@ -2,6 +2,8 @@
 
 #: One second (ns).
 SECOND = 1_000_000_000
+#: How long a buffer keeps transforms if nothing else is said (ns).
+CACHE_TIME = 10 * SECOND
 
 
 def is_frozen(oldest: int, latest: int, count: int) -> bool:

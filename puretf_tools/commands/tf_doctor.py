@@ -39,9 +39,6 @@ from puretf_tools.inspection.traffic import SETTLING
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-#: For the path between two frames, the buffer keeps transforms for this time more than the command
-#: listens (s).
-_MARGIN = 5.0
 #: The time between two looks at the processes that examine bags (s).
 _POLL = 0.05
 
@@ -197,10 +194,10 @@ def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Expla
 class _Listening:
     """A listener, and the statistics of what it has received."""
 
-    def __init__(self, node: 'Node', kept: float = 10.0) -> None:
-        """Subscribe; keep transforms in the buffer for some time (s)."""
+    def __init__(self, node: 'Node', longer: float = 0.0) -> None:
+        """Subscribe; keep transforms for some seconds longer than usual."""
         from puretf_tools.inspection.frame_listener import FrameListener
-        self.listener = FrameListener(node, kept)
+        self.listener = FrameListener(node, longer)
         self.statistics = Statistics(SETTLING, self.listener.clock)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
@@ -312,7 +309,7 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
     """Listen to transforms; then explain the path between two frames."""
     from puretf_tools.cli.node import spinning_node
     with spinning_node('tf_doctor', ros_args, namespace) as node:
-        listening = _Listening(node, max(10.0, duration) + _MARGIN)
+        listening = _Listening(node, duration)
         listener, statistics = listening.listener, listening.statistics
         buffer = listener.buffer
         listen(duration, buffer.frame_names, listening.poll)

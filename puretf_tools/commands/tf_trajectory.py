@@ -40,8 +40,6 @@ MAX_ROWS = 10_000_000
 MAX_DRAWN = 20_000
 #: The largest number in a drawing; matplotlib fails or does not end near the limit of float64.
 LARGEST_DRAWN = 1e300
-#: The buffer keeps transforms for this time more than the command listens (s).
-_MARGIN = 5.0
 #: The number of rows that are looked up before they are written.
 _PART = 8192
 #: Near gimbal lock, a norm below this number is an error by rounding.
@@ -279,7 +277,7 @@ def _record(target: str, source: str, seconds: float, namespace: str, ros_args: 
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('tf_trajectory', ros_args, namespace) as node:
-        frame_listener = FrameListener(node, seconds + _MARGIN)
+        frame_listener = FrameListener(node, seconds)
         listen(seconds, frame_listener.buffer.frame_names)
         try:
             frame_listener.buffer.path_stamps(target, source)

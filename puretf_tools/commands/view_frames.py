@@ -94,7 +94,7 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
     from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args, namespace) as node:
-        frame_listener = FrameListener(node, max(10.0, seconds))
+        frame_listener = FrameListener(node, seconds)
         say = Once(is_terminal())
         while watch:
             _show(frame_listener, root, say)

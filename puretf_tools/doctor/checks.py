@@ -19,8 +19,8 @@ from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES
 from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened
 from puretf._text.similar_names import near_names, suggest_names
-from puretf._text.times import exact_time
-from puretf_tools.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
+from puretf._text.times import CACHE_TIME, exact_time
+from puretf_tools.doctor.message_times import Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
 from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, is_pause, LATE, SHARE, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
@@ -480,7 +480,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
 def _off_by(track: Track) -> int:
     """Return the offset of the stamps (ns), if it is known, or longer than a cache; else 0."""
     stream = track.stream
-    if not stream.foreign and stream.mean_delay < -CACHE:
+    if not stream.foreign and stream.mean_delay < -CACHE_TIME:
         return round(-stream.mean_delay)
     offset = stream.offset or 0
     return offset if -OTHER_CLOCK <= offset < -LATE and known_offset(offset) else 0
@@ -606,7 +606,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     for topic, offset, in_time in observation.off_clock.values():
         senders = observation.senders.get(topic.topic, ())
         # See other_clock.
-        if offset <= CACHE or not any(
+        if offset <= CACHE_TIME or not any(
                 observation.node_of(track) in senders
                 and abs((track.stream.offset or 0) - offset) < SECOND
                 for track in observation.tracks):
@@ -1105,7 +1105,7 @@ def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
     return (f'{count} transform{"s" if count > 1 else ""} of '
             f'{comma_list([track.child for track in tracks], SHOWN, quoted)}'
             f'{f" from {node}" if node else ""} {"were" if count > 1 else "was"} refused by a '
-            f'buffer with the default cache of {CACHE // SECOND} s, since one at '
+            f'buffer with the default cache of {CACHE_TIME // SECOND} s, since one at '
             f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
 
 

@@ -14,16 +14,14 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import SECOND
 from puretf._causes.facts import OTHER_CLOCK
+from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Headers
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST
 
 #: A message that waits at least this long (ns) is reported.
 LONG_WAIT = SECOND // 10
-#: How long a listener keeps transforms (ns).
-CACHE = 10 * SECOND
 #: Messages that cannot be transformed within the observation are not judged if they have arrived
 #: less than this before its end (ns), or than this many times the usual wait.
 _LAST, _WAITS = 2 * SECOND, 3
@@ -51,7 +49,7 @@ class Edge:
     def __init__(self, child: str, arrivals: _Array, stamps: _Array) -> None:
         """Take transforms (at least one), given by their arrivals and their stamps (ns)."""
         # When a bag or a simulation starts again, listeners clear their data.
-        goes_back = (stamps[1:-1] < stamps[:-2] - CACHE) & (stamps[2:] < stamps[:-2] - CACHE)
+        goes_back = np.maximum(stamps[1:-1], stamps[2:]) < stamps[:-2] - CACHE_TIME
         start = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
         self.child, self.arrivals, stamps = child, arrivals[start:], stamps[start:]
         self._newest = np.maximum.accumulate(stamps)  # (n,) at each arrival
@@ -188,14 +186,14 @@ class Judge:
             ready = np.maximum(ready, reached)
             has_begun &= (arrivals >= edge.arrivals[0]) & (stamps >= edge.begin)
         needed_cache = _needed_cache(edges, stamps, arrivals)
-        is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE)
+        is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE_TIME)
         is_far = self._is_far(stamps, arrivals) & bool(edges)
         # What was latched long before is received at the beginning.
         is_latched = is_far & (arrivals < self._begin + _LAST) & (
             stamps < self._oldest.min(initial=_NEVER))
         verdicts = np.select(
-            [stamps == 0, is_latched, is_far, ~has_begun, needed_cache > CACHE, ready <= arrivals,
-             is_reached],
+            [stamps == 0, is_latched, is_far, ~has_begun, needed_cache > CACHE_TIME,
+             ready <= arrivals, is_reached],
             [Verdict.ZERO_STAMP, Verdict.NOT_JUDGED, Verdict.OTHER_CLOCK, Verdict.NOT_JUDGED,
              Verdict.TOO_OLD, Verdict.AT_ONCE, Verdict.WAITS], Verdict.NEVER)
         usual = (ready - arrivals)[np.isin(verdicts, (Verdict.AT_ONCE, Verdict.WAITS))]

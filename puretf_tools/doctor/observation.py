@@ -9,12 +9,12 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from puretf import SECOND
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Publisher, Surroundings
 from puretf._text.names import namespace_path, TF_MESSAGE
+from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
-from puretf_tools.doctor.message_times import CACHE, Edge, Judge, MessageTimes
+from puretf_tools.doctor.message_times import Edge, Judge, MessageTimes
 from puretf_tools.doctor.stream import Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
@@ -226,7 +226,7 @@ class Observation:
             streams = [track.stream for track in tracks if len(track.stream.stamps)]
             if (len(streams) < 2 and not any(each.backwards for each in streams)) or max(
                     each.latest for each in streams) - min(
-                        each.oldest for each in streams) <= CACHE:
+                        each.oldest for each in streams) <= CACHE_TIME:
                 continue
             times, stamps, numbers = (np.concatenate(each) for each in zip(*(
                 (track.stream.arrivals, track.stream.stamps,
@@ -235,7 +235,7 @@ class Observation:
             order = np.argsort(times, kind='stable')
             for part in np.split(order, times[order].searchsorted(sorted(self.clears))):
                 newest = np.maximum.accumulate(stamps[part])
-                is_refused = stamps[part] < newest - CACHE
+                is_refused = stamps[part] < newest - CACHE_TIME
                 for number in np.unique(numbers[part][is_refused]).tolist():
                     at = np.flatnonzero(is_refused & (numbers[part] == number))
                     newer, track = newest[at[-1]], tracks[number]

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from puretf import Buffer
 from puretf._causes.facts import Surroundings
 from puretf._text.names import comma_list, visible
+from puretf._text.times import CACHE_TIME
 from puretf.publisher_listener import is_given, PublisherListener, Received, ReceivedMessage
 from puretf_tools.inspection.clock_sampler import ClockSampler, is_tool, TOPIC
 from puretf_tools.inspection.stamp_clock import PATIENCE
@@ -25,8 +26,8 @@ _INTERVAL = 1.0
 class FrameListener(PublisherListener):
     """A listener with a buffer of its own, which knows the publisher of each frame."""
 
-    def __init__(self, node: Node, seconds: float = 10.0) -> None:
-        """Subscribe to /tf and /tf_static; keep transforms for some seconds."""
+    def __init__(self, node: Node, seconds: float = 0.0) -> None:
+        """Subscribe to /tf and /tf_static; keep transforms for some seconds longer than usual."""
         self.clock_sampler = ClockSampler(node)
         self.clock = self.clock_sampler.clock  #: that of the stamps
         self._held: list[ReceivedMessage] = []
@@ -34,7 +35,7 @@ class FrameListener(PublisherListener):
         self.patience = PATIENCE  #: how long, at most, they wait for the choice of the clock (s)
         #: By publisher: by how much the clock of its computer is ahead (ns), by its messages.
         self.ahead: dict[str, int] = {}
-        super().__init__(Buffer(Duration(seconds=seconds), node), node)
+        super().__init__(Buffer(Duration(seconds=seconds, nanoseconds=CACHE_TIME), node), node)
         #: The names of the topics of static and of dynamic transforms, after remapping.
         self.topics = [each.topic_name for each in self.subscriptions]
         self._time_watch = TimeWatch(self)

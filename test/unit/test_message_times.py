@@ -9,8 +9,9 @@ import pytest
 from recorded import header_of, judged, MS, observed, S, T, tf
 
 from puretf import TransformBuffer
+from puretf._text.times import CACHE_TIME
 from puretf.bag import Headers
-from puretf_tools.doctor.message_times import CACHE, Verdict
+from puretf_tools.doctor.message_times import Verdict
 
 STATIC = tf(0, 0, 'map odom', 'base laser', is_static=True)
 
@@ -206,7 +207,7 @@ def test_against_a_buffer(steps):
 
 def replayed(transforms, messages, root):
     """Return when each message can first be transformed; None: never; and whether data went."""
-    buffer = TransformBuffer(cache_time=CACHE)
+    buffer = TransformBuffer(cache_time=CACHE_TIME)
     inserted = sorted(transforms, key=lambda message: message.time)
     results = [[None, False] for _ in messages]
     dropped = False
@@ -214,7 +215,8 @@ def replayed(transforms, messages, root):
         for row in each.rows():
             buffer.insert(row.stamp_ns, row.frame_id, row.child_frame_id, row.pose)
         now = (each.time - T) // MS
-        dropped |= any(frame.latest - frame.oldest >= CACHE - 5 * S for frame in buffer.frames())
+        dropped |= any(
+            frame.latest - frame.oldest >= CACHE_TIME - 5 * S for frame in buffer.frames())
         until = (following.time - T) // MS if following else 10**9
         for result, (arrival, stamp) in zip(results, messages):
             if arrival < until and result[0] is None and buffer.can_transform(
