@@ -4,21 +4,9 @@ from collections.abc import Callable
 from copy import deepcopy
 from typing import Any, Optional, Union
 
-from geometry_msgs.msg import (
-    PointStamped,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    QuaternionStamped,
-    TransformStamped,
-    Vector3Stamped,
-    WrenchStamped,
-)
-from nav_msgs.msg import Odometry, Path
+from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from puretf import geometry
@@ -138,18 +126,7 @@ def Stamped(  # noqa: N802
 
 
 _transforms: dict[Any, Callable[..., Any]] = {
-    PointStamped: geometry.do_transform_point,
-    Vector3Stamped: geometry.do_transform_vector3,
-    PoseStamped: geometry.do_transform_pose_stamped,
-    PoseWithCovarianceStamped: geometry.do_transform_pose_with_covariance_stamped,
-    PolygonStamped: geometry.do_transform_polygon_stamped,
-    PointCloud2: geometry.do_transform_cloud,
-    # The Python packages of tf2 register no functions for these types.
-    QuaternionStamped: geometry.do_transform_quaternion_stamped,
-    WrenchStamped: geometry.do_transform_wrench_stamped,
-    PoseArray: geometry.do_transform_pose_array,
-    Path: geometry.do_transform_path,
-    Odometry: geometry.do_transform_odometry}
+    kind: function for kind, function in geometry.functions.items() if hasattr(kind, 'header')}
 _to_messages: dict[Any, Callable[..., Any]] = dict.fromkeys(_transforms, geometry.to_msg_msg)
 _from_messages: dict[Any, Callable[..., Any]] = dict.fromkeys(_transforms, geometry.from_msg_msg)
 _conversions: dict[Any, Callable[..., Any]] = {}

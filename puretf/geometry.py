@@ -64,15 +64,13 @@ def from_msg_msg(msg: Any) -> Any:
 
 
 _Function = TypeVar('_Function', bound=Callable[..., Any])
-#: The name of the function for each type.
-_functions: dict[type, str] = {}
+#: The function for each type; `BufferInterface.transform` takes those that have a header.
+functions: dict[type, Callable[..., Any]] = {}
 
 
 def _takes(kind: type) -> Callable[[_Function], _Function]:
     """Decorate the function that transforms a type; its errors say what it takes."""
     def decorate(function: _Function) -> _Function:
-        _functions[kind] = function.__name__
-
         @wraps(function)
         def checked(*args: Any, **kwargs: Any) -> Any:
             try:
@@ -81,14 +79,16 @@ def _takes(kind: type) -> Callable[[_Function], _Function]:
                 types: list[Any] = [type(each) for each in (*args, *kwargs.values())]
                 if types == [kind, TransformStamped]:
                     raise
-                other = '' if types[0] is kind else _functions.get(types[0], '')
+                other = functions.get(types[0], checked)
+                use = '' if other is checked else f': use {other.__name__}'
                 names = ' and a '.join(
                     f'message {each.__msgtype__} of rosbags' if is_of_rosbags(each) else
                     each.__name__ for each in types)
                 article = 'an' if kind.__name__[0] in 'AEIOU' else 'a'
                 raise AttributeError(
                     f'{error}. {function.__name__} takes {article} {kind.__name__} and a '
-                    f'TransformStamped, got a {names}{other and f": use {other}"}') from None
+                    f'TransformStamped, got a {names}{use}') from None
+        functions[kind] = checked
         return cast(_Function, checked)
     return decorate
 
