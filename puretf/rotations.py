@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from transforms3d import euler, quaternions
 
+from puretf._core.composition import signed as signed
 from puretf._core.pose import Quaternion as Quaternion
 
 #: The code of a convention of Euler angles, as in K. Shoemake, Euler Angle Conversion, Graphics
@@ -70,8 +71,7 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     (0.0, 0.0, 3.141592653589793)
     """
     i, parity, repetition, frame = _code_of(axes)
-    q = _unit(quaternion)
-    q = _divided(q, math.copysign(1.0, max(q, key=abs)))
+    q = signed(*_unit(quaternion))
     j = (i + 1 + parity) % 3
     x, y, z, w = q[i], -q[j] if parity else q[j], q[3 - i - j], q[3]
     a, b, c, d = (w, x, y, z) if repetition else (w - y, x + z, w + y, z - x)

@@ -37,6 +37,12 @@ def compose(left: Pose, right: Pose) -> Pose:
             aw * bw - ax * bx - ay * by - az * bz)
 
 
+def signed(x: float, y: float, z: float, w: float) -> Quaternion:
+    """Return q or -q: the one that tf2 and KDL compute from the matrix of the rotation."""
+    largest = w if w * w - 0.25 > 1e-12 else max(z, y, x, key=abs)
+    return (-x, -y, -z, -w) if largest < 0.0 else (x, y, z, w)
+
+
 def matrices(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the homogeneous matrices, (n, 4, 4), of n poses, (7, n)."""
     result = np.tile(np.eye(4), (columns.shape[1], 1, 1))

@@ -3,7 +3,7 @@
 from math import acos, atan2, floor, hypot, sqrt
 import sys
 
-from puretf._core.composition import compose, inverse
+from puretf._core.composition import compose, inverse, signed
 from puretf._core.lookup import Lookups
 from puretf._core.pose import IDENTITY, Pose
 from puretf._text.times import in_seconds, SECOND
@@ -79,11 +79,7 @@ def tf2_velocity(lookups: Lookups, tracking: str, observation: str, reference: s
 
 def _angle_axis(before: Pose, after: Pose) -> Vector:
     """Return the rotation from one pose to another as tf2 does: the unit axis times the angle."""
-    *_, x, y, z, w = compose(inverse(_rotation(before)), _rotation(after))
-    # tf2 converts a matrix to a quaternion. Of the two signs of the quaternion, this conversion
-    # chooses the one with a positive w if w * w > 1/4, else with a positive largest element.
-    if (w if w * w > 0.25 else max(x, y, z, key=abs)) < 0.0:
-        x, y, z, w = -x, -y, -z, -w
+    x, y, z, w = signed(*compose(inverse(_rotation(before)), _rotation(after))[3:])
     square = 1.0 - w * w
     if square < 10.0 * sys.float_info.epsilon:
         x, y, z, square = 1.0, 0.0, 0.0, 1.0

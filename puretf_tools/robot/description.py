@@ -11,9 +11,9 @@ from puretf import TransformBuffer
 from puretf._text.names import comma_list, LONGEST_NAME, quoted
 from puretf._text.similar_names import suggest_names
 from puretf.exceptions import described
-from puretf.rotations import conjugate, multiply, quaternion_about_axis
+from puretf.rotations import conjugate, multiply, quaternion_about_axis, signed
 from puretf_tools.inspection.forest import descend
-from puretf_tools.robot.shapes import origin, Pose, pose, Shape, shapes
+from puretf_tools.robot.shapes import origin, Pose, Shape, shapes
 from puretf_tools.robot.urdf_text import attribute, numbers, refuse, robot_element
 
 #: The types of joints.
@@ -67,13 +67,13 @@ class Joint(NamedTuple):
 
         The quaternion has the sign that robot_state_publisher gives it: w may be negative.
         """
-        x, y, z, *q = self.pose
+        (x, y, z), q = self.pose[:3], self.pose[3:]
         if self.kind == 'prismatic':
             step = (*(position * component for component in self.axis), 0.0)
-            dx, dy, dz, _ = multiply(multiply(q, step), conjugate((q[0], q[1], q[2], q[3])))
-            return pose((x + dx, y + dy, z + dz), q)
+            dx, dy, dz, _ = multiply(multiply(q, step), conjugate(q))
+            return (x + dx, y + dy, z + dz, *q)
         if self.is_movable:
-            return pose((x, y, z), multiply(q, quaternion_about_axis(position, self.axis)))
+            return (x, y, z, *signed(*multiply(q, quaternion_about_axis(position, self.axis))))
         return self.pose
 
 

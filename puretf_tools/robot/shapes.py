@@ -6,7 +6,7 @@ from typing import NamedTuple, Optional
 from xml.etree import ElementTree
 
 from puretf._text.names import abbreviated, quoted
-from puretf.rotations import quaternion_from_euler
+from puretf.rotations import quaternion_from_euler, signed
 from puretf_tools.robot.urdf_text import attribute, DescriptionError, numbers, refuse
 
 #: x, y, z (m) and the quaternion x, y, z, w.
@@ -82,23 +82,9 @@ def origin(element: ElementTree.Element, what: str) -> Pose:
     place = element.find('origin')
     if place is None:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-    xyz, (roll, pitch, yaw) = (
+    (x, y, z), (roll, pitch, yaw) = (
         numbers(place, name, what, 3, (0.0, 0.0, 0.0)) for name in ('xyz', 'rpy'))
-    return pose(xyz, quaternion_from_euler(roll, pitch, yaw))
-
-
-def pose(position: Sequence[float], rotation: Sequence[float]) -> Pose:
-    """Return a pose with the sign of KDL::Rotation::GetQuaternion."""
-    x, y, z, w = rotation
-    if 4.0 * w * w - 1.0 > 1e-12:  # the trace of the matrix
-        sign = w
-    elif x * x > max(y * y, z * z):
-        sign = x
-    else:
-        sign = y if y * y > z * z else z
-    if sign < 0.0:
-        x, y, z, w = -x, -y, -z, -w
-    return position[0], position[1], position[2], x, y, z, w
+    return (x, y, z, *signed(*quaternion_from_euler(roll, pitch, yaw)))
 
 
 def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Optional[Rgba]]
