@@ -88,7 +88,7 @@ def command_problem(command: JointState, limits: dict[str, float]) -> Optional[s
     :param limits: the limit of each joint (rad).
     """
     if len(command.name) != len(command.position):
-        names = comma_list(command.name, 5, shortened) or 'none'
+        names = comma_list(command.name, shortened) or 'none'
         return (f'it has {len(command.position)} positions for {len(command.name)} joints '
                 f'({names}); each joint needs one')
     for name, position in zip(command.name, command.position):

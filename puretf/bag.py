@@ -14,7 +14,7 @@ from puretf._bag.recordings import BagError, is_bag, Paths, resolved
 from puretf._bag.recordings import recordings as find_recordings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
-from puretf._text.names import comma_list, visible
+from puretf._text.names import comma_list, SHOWN, visible
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import Encoding, MessageReader
 from puretf.transform_buffer import TransformBuffer
@@ -32,8 +32,6 @@ _BATCH_TIME = 0.1
 _OVERHEAD = 100
 #: A std_msgs/Header with a frame_id of usual length takes no more than this (bytes).
 _HEADER = 2000
-#: The largest numbers of recordings and of faults that a text lists.
-_SHOWN, _MOST_FAULTS = 5, 10
 _log = logging.getLogger('puretf')
 
 
@@ -108,7 +106,7 @@ class Bag(AbstractContextManager['Bag']):
         """
         found = find_recordings(paths)
         if len(found) != 1:
-            names = comma_list([str(each.path) for each in found], _SHOWN)
+            names = comma_list([str(each.path) for each in found])
             raise BagError(f'these are {len(found)} recordings ({names}): give the files of one, '
                            'with its first part' if found else 'no path of a bag is given')
         found[0].path.stat()  # a missing path is reported before a missing library
@@ -264,7 +262,7 @@ class Bag(AbstractContextManager['Bag']):
                 ) -> None:
         """Report that the bag has been read; log its damage."""
         count = contents.tf_count
-        damage, wrong_types = ' '.join(contents.damage[:_MOST_FAULTS]), contents.wrong_types()
+        damage, wrong_types = ' '.join(contents.damage[:SHOWN]), contents.wrong_types()
         if tf and not count and not (wrong_types and accepts_wrong_types):
             if damage:
                 raise BagError(f'no TF message can be read: {damage}')

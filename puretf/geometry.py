@@ -180,7 +180,7 @@ def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     frames = {path.header.frame_id, *(pose.header.frame_id for pose in path.poses)} - {''}
     if len(frames) > 1:
         raise ValueError('the path and its poses have several frames, '
-                         f'{comma_list(sorted(frames), 5, quoted)}: transform each pose by '
+                         f'{comma_list(sorted(frames), quoted)}: transform each pose by '
                          'do_transform_pose_stamped')
     result.poses = [do_transform_pose_stamped(pose, transform) for pose in path.poses]
     for pose, given in zip(result.poses, path.poses):

@@ -31,8 +31,6 @@ _SILENCE, _LONG_PERIOD = 6.0, 5.0
 _OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
 #: A float that is smaller, but not 0, is what an int becomes where a float is expected.
 _SMALLEST_FLOAT = 1e-300
-#: The largest number of frames that a cause lists.
-_SHOWN = 5
 
 WRONG_ORDER = ('Is the order x, y, z, w? In a message, w is the last number; transforms3d has it '
                'first.')
@@ -106,7 +104,7 @@ def fault_of_edge(arm: Arm, edge: Edge) -> Optional[Fault]:
             f'{name} is sent on /tf and on /tf_static; only one of them is right.')
     if samples.parents == [edge.parent]:
         return None
-    parents = comma_list([*map(shortened, samples.parents)], _SHOWN)
+    parents = comma_list([*samples.parents], shortened)
     if len(samples.parents) > 1:
         cause = f'{name} has several parents; only {edge.parent} is right.'
     elif parents not in FRAMES and _nearest(edge.parent, samples.parents):
@@ -129,7 +127,7 @@ def _fault_of_missing(arm: Arm, edge: Edge) -> Fault:
             cause = (f'{shortened(arm.repeated)} is in one message more than once: create a new '
                      'TransformStamped for each frame.')
         elif arm.others:
-            cause = f'{received}, but of other frames: {comma_list(arm.others, _SHOWN)}.'
+            cause = f'{received}, but of other frames: {comma_list(arm.others)}.'
         elif edge is BASE:
             cause = (f'{received}: send it with StaticTransformBroadcaster, and keep the node '
                      'running. What TransformBroadcaster sends once does not reach later '

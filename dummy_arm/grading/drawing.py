@@ -14,8 +14,6 @@ from puretf_tools.cli.parser import CommandError
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
 _LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
                     r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
-#: The largest number of names that a text lists.
-_SHOWN = 6
 
 
 def fault_of_drawing(path: Path) -> str:
@@ -55,7 +53,7 @@ def _fault_of_names(names: dict[str, float]) -> str:
     missing = [name for name in FRAMES if name not in names]
     others = [name for name in names if name not in FRAMES]
     if missing or others:
-        return ' '.join(f'{label}: {comma_list(found, _SHOWN, quoted)}.' for label, found in (
+        return ' '.join(f'{label}: {comma_list(found, quoted)}.' for label, found in (
             ('Missing', missing), ('Other frames', others)) if found)
     for upper, lower in pairwise(FRAMES):
         if names[lower] < names[upper] + 1.0:

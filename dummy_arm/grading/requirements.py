@@ -44,8 +44,6 @@ _NORM_TOLERANCE = 10e-3
 #: Good practice: the lowest rate (Hz), the part of a limit that is used, and the part of the ticks
 #: in which all frames have the same stamp.
 _LOWEST_RATE, _USED, _SAME_STAMP = 9.5, 0.49, 0.9
-#: The largest number of frames that a text lists.
-_SHOWN = 5
 
 
 class Result(NamedTuple):
@@ -125,7 +123,7 @@ def _tree(arm: Arm, *_: Any) -> Result:
     """Judge the names of the frames and of their parents, and who sends them."""
     faults = {edge.name: fault for edge in EDGES if (fault := causes.fault_of_edge(arm, edge))}
     if 'map' in arm.samples and not faults:
-        parents = comma_list([*map(shortened, arm.samples['map'].parents)], _SHOWN)
+        parents = comma_list([*arm.samples['map'].parents], shortened)
         return Result(f'{parents} → map',
                       'map is the root of the tree: it must not have a parent.')
     return _first(faults, f'{len(FRAMES)} frames in a chain')
@@ -371,7 +369,7 @@ def _broadcasters(arm: Arm, *_: Any) -> Result:
 
 def _other_frames(arm: Arm, *_: Any) -> Result:
     return Result(f'{len(arm.others)} other frames' if arm.samples else '',
-                  f'Other frames: {comma_list(arm.others, _SHOWN)}.' if arm.others else '')
+                  f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
 
 
 def _usual_speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:

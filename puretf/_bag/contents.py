@@ -8,14 +8,7 @@ import re
 from typing import Optional, Union
 
 from puretf._bag.recordings import BagError, error_line
-from puretf._text.names import (
-    comma_list,
-    MAX_TOPICS,
-    namespace_path,
-    shortened,
-    TF_MESSAGE,
-    visible,
-)
+from puretf._text.names import comma_list, namespace_path, shortened, TF_MESSAGE, visible
 from puretf._wire import cdr, ros1
 from puretf._wire.definitions import begins_with_header
 from puretf._wire.headers import Headers
@@ -135,11 +128,11 @@ class Contents:
         namespaces = {topic.name.rpartition('/')[0] for topic in self.topics.values()
                       if topic.is_tf and re.search('/tf(_static)?$', topic.name)}
         if others := sorted(namespaces - {self._namespace}):
-            names = comma_list([shortened(name) or '/' for name in others], MAX_TOPICS)
+            names = comma_list([shortened(name) or '/' for name in others])
             return f'no TFMessage on {expected}, but ' + (
                 'on topics without a namespace: omit the namespace' if others == [''] else
                 f'in the namespace {names}: pass namespace=')
         topics = [f'{shortened(name)} ({shortened(msgtype)})'
                   for name, msgtype in sorted(self.topics)]
         return self.wrong_types() or (f'no {TF_MESSAGE} on {expected}; its topics: '
-                                      f'{comma_list(topics, MAX_TOPICS) or "none"}')
+                                      f'{comma_list(topics) or "none"}')

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 import re
 from typing import Any, NamedTuple, Optional, Union
 
-from puretf._text.names import abbreviated, comma_list, shortened, visible
+from puretf._text.names import abbreviated, comma_list, shortened, SHOWN, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -21,9 +21,8 @@ _FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
 #: The name of a part of a split recording: rosbag2 writes `name_0.mcap`, `name_1.mcap` and so on.
 #: A name that ends with a time is none: without a name, rosbag of ROS 1 begins each part with it.
 _PART = re.compile(r'.*(?<!-\d\d-\d\d-\d\d)_(0|[1-9]\d*)(\.(?:mcap|db3|bag))(?:\.zstd)?')
-#: The largest number of files that the text of an error lists, and of characters of an error of
-#: a library.
-_SHOWN, _LONGEST_ERROR = 5, 500
+#: The largest number of characters of an error of a library.
+_LONGEST_ERROR = 500
 #: The largest size of metadata (bytes), and the largest numbers of values one within another, and
 #: up to the end of the list of files.
 _LONGEST, _DEEPEST, _MOST_VALUES = 1_000_000, 20, 20_000
@@ -69,12 +68,12 @@ def recordings(paths: Paths) -> list[Recording]:
 def _of_files(parts: dict[int, Path], listed: list[Path]) -> Recording:
     files = [file for _, file in sorted(parts.items())]
     lacking = [*islice((number for number in range(min(parts), max(parts)) if number not in parts),
-                       _SHOWN + 1)]
+                       SHOWN + 1)]
     first, *names = [listed[each] if files[0] in listed else _part(files[0], each)
                      for each in (0, *lacking)]
     return Recording(files[0], files, None if 0 in parts else first, '' if not lacking else (
         f'{files[0]}: parts of its recording are not given: '
-        f'{comma_list([each.name for each in names], _SHOWN, visible)}'))
+        f'{comma_list([each.name for each in names], visible)}'))
 
 
 def _part(path: Path, number: int) -> Path:
@@ -121,7 +120,7 @@ def resolved(recording: Recording) -> Recording:
     files = _listed(recording.path)
     others = [each.name for each in sorted(recording.path.iterdir()) if _FILE.search(each.name)]
     if others and not any(map(exists, files)):
-        missing, rest = (comma_list(names, _SHOWN, visible)
+        missing, rest = (comma_list(names, visible)
                          for names in ([each.name for each in files], others))
         remedy = ('is not listed: give this file' if len(others) == 1 else
                   'are not listed: give these files')

@@ -10,8 +10,6 @@ from puretf._text.names import comma_list, shortened
 
 #: The ports of a ROS domain begin at `FIRST_PORT + PORTS * domain` (RTPS specification, 9.6.2).
 FIRST_PORT, PORTS = 7400, 250
-#: The largest number of domains that a text lists.
-_MOST_SHOWN = 5
 
 
 def command_of(pid: int) -> list[str]:
@@ -85,4 +83,4 @@ def other_domains(own: int) -> str:
     others = [f'{domain} (PID {pid}: {short_command(pid)})'
               for domain, pid in sorted(domains.items())]
     return (f' On this machine, programs run in other ROS domains: '
-            f'{comma_list(others, _MOST_SHOWN)}.' if others else '')
+            f'{comma_list(others)}.' if others else '')

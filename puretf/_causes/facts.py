@@ -6,7 +6,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, NamedTuple, Optional
 
-from puretf._text.names import comma_list, MAX_TOPICS, shortened, TF_MESSAGE
+from puretf._text.names import comma_list, shortened, TF_MESSAGE
 from puretf._text.times import is_frozen, SECOND
 
 #: The symptoms of a lookup: a frame does not exist, or has almost the name of another one; two
@@ -25,7 +25,7 @@ RECENT = SECOND
 
 def listed(names: Sequence[str]) -> str:
     """Join the names of nodes or topics."""
-    return comma_list(names, MAX_TOPICS, shortened)
+    return comma_list(names, shortened)
 
 
 class Publisher(NamedTuple):

@@ -14,8 +14,8 @@ TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 LONGEST = 100
 #: The largest size that a frame's name may have (bytes of UTF-8).
 LONGEST_NAME = 1024
-#: The largest number of topics or namespaces that an error lists.
-MAX_TOPICS = 10
+#: The number of names that a text lists.
+SHOWN = 5
 
 
 def visible(text: str) -> str:
@@ -86,11 +86,11 @@ def is_too_long(name: str) -> bool:
             and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)
 
 
-def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
+def comma_list(texts: Sequence[str], write: Callable[[str], str] = str, shown: int = SHOWN) -> str:
     """
     Join the first texts with commas, each converted by `write`, and say how many remain.
 
-    >>> comma_list(['a', 'b', 'c', 'd'], 2)
+    >>> comma_list(['a', 'b', 'c', 'd'], shown=2)
     'a, b and 2 more'
     """
     more = f' and {len(texts) - shown} more' if len(texts) > shown else ''

@@ -6,10 +6,8 @@ from functools import lru_cache
 from itertools import islice
 import re
 
-from puretf._text.names import comma_list, LONGEST, quoted
+from puretf._text.names import comma_list, LONGEST, quoted, SHOWN
 
-#: The largest number of names that an error lists.
-_MAX_SHOWN = 5
 #: The largest number of names that are compared with an unknown name.
 _MAX_COMPARED = 1000
 #: In shorter words, another letter can be on purpose: `wheel_fl` and `wheel_fr`, `top` and `tip`.
@@ -37,7 +35,7 @@ def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> st
                 f'There are no {what}.')
     if matches := near_names(name, known):
         return f'Nearest known: {", ".join(map(quoted, matches))}.'
-    return f'Known {what}: {comma_list(known, _MAX_SHOWN, quoted)}.'
+    return f'Known {what}: {comma_list(known, quoted)}.'
 
 
 def near_names(name: str, known: Iterable[str], cutoff: float = 0.6) -> list[str]:
@@ -58,9 +56,9 @@ def near_names(name: str, known: Iterable[str], cutoff: float = 0.6) -> list[str
     for each in islice(known, _MAX_COMPARED):
         if len(each) <= LONGEST:
             candidates.setdefault(_plain(each) or each, []).append(each)
-    near = get_close_matches(_plain(name) or name, [*candidates], _MAX_SHOWN, cutoff)
+    near = get_close_matches(_plain(name) or name, [*candidates], SHOWN, cutoff)
     return [each for plain in near for each in candidates[plain]
-            if SequenceMatcher(None, *_what_differs(name, each)).ratio() >= cutoff][:_MAX_SHOWN]
+            if SequenceMatcher(None, *_what_differs(name, each)).ratio() >= cutoff][:SHOWN]
 
 
 def _what_differs(name: str, other: str) -> tuple[str, str]:

@@ -17,11 +17,11 @@ from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, OTHER_CLOCK
 from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES
 from puretf._causes.rules import known, registry, Rule
-from puretf._text.names import comma_list, quoted, shortened
+from puretf._text.names import comma_list, quoted, shortened, SHOWN
 from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import CACHE_TIME, exact_time
 from puretf_tools.doctor.message_times import Edge, LONG_WAIT, MessageTimes, Verdict
-from puretf_tools.doctor.observation import in_words, Observation, SHOWN, total
+from puretf_tools.doctor.observation import in_words, Observation, total
 from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, is_pause, LATE, SHARE, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
@@ -132,7 +132,7 @@ def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list
 
 
 def _names(names: Iterable[str]) -> str:
-    return comma_list([*names], SHOWN, shortened)
+    return comma_list([*names], shortened)
 
 
 def _hertz(track: Track) -> str:
@@ -244,7 +244,7 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
                      f'{_by(observation, track)}' for parent, track in parents.items()]
             is_handed = _is_handed_over(observation, tracks)
             yield _Fault(f'{quoted(child)} has {len(parents)} parents in {total(tracks, "count")} '
-                         f'transforms: {comma_list(texts, SHOWN)}', tracks,
+                         f'transforms: {comma_list(texts)}', tracks,
                          remedy='If it was not handed over on purpose, let only one parent be '
                          f'published for {quoted(child)}.' if is_handed else
                          _of_frame('changing_parent', observation, tracks),
@@ -579,7 +579,7 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(
             f'{"all " * is_all}{sum(each.number for each in stalls)} transforms of '
             f'{_names(children)} have the stamp{"s" * (len(stamps) > 1)} '
-            f'{comma_list([*map(exact_time, stamps)], SHOWN)}{duration}', tracks,
+            f'{comma_list([*map(exact_time, stamps)])}{duration}', tracks,
             severity='' if any(each.is_last for each in stalls) else WARNING)
 
 
@@ -781,8 +781,7 @@ def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str
 
 
 def _counts(senders: Sequence[Sender]) -> str:
-    return comma_list(
-        [f'{shortened(each.node)} ({each.count} messages)' for each in senders], SHOWN)
+    return comma_list([f'{shortened(each.node)} ({each.count} messages)' for each in senders])
 
 
 @_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or play '
@@ -1103,7 +1102,7 @@ def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
     count = sum(observation.refused[track].number for track in tracks)
     by = observation.node_of(refused.by)
     return (f'{count} transform{"s" if count > 1 else ""} of '
-            f'{comma_list([track.child for track in tracks], SHOWN, quoted)}'
+            f'{comma_list([track.child for track in tracks], quoted)}'
             f'{f" from {node}" if node else ""} {"were" if count > 1 else "was"} refused by a '
             f'buffer with the default cache of {CACHE_TIME // SECOND} s, since one at '
             f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')

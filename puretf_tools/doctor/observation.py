@@ -11,7 +11,7 @@ import numpy as np
 
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Publisher, Surroundings
-from puretf._text.names import namespace_path, TF_MESSAGE
+from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import Edge, Judge, MessageTimes
@@ -25,8 +25,6 @@ from puretf_tools.robot.observed import RobotsInBag
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
-#: The largest number of names in a text.
-SHOWN = 5
 
 
 class Refused(NamedTuple):

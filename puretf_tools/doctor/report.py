@@ -11,7 +11,7 @@ from puretf.bag import Bag, Paths
 from puretf.bag import open as open_bag
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked
 from puretf_tools.doctor.message_times import Verdict
-from puretf_tools.doctor.observation import Observation, observe_bag, SHOWN
+from puretf_tools.doctor.observation import Observation, observe_bag
 from puretf_tools.inspection.terminal import columns, wrapped
 
 
@@ -41,9 +41,8 @@ class Report(NamedTuple):
         """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""
         lines = []
         for finding in self.findings:
-            names = comma_list(
-                finding.frames or finding.topics or finding.nodes, SHOWN, shortened)
-            where = ', '.join(f'{word} {comma_list(each, SHOWN)}' for word, each in (
+            names = comma_list(finding.frames or finding.topics or finding.nodes, shortened)
+            where = ', '.join(f'{word} {comma_list(each)}' for word, each in (
                 ('on', finding.topics), ('by', finding.nodes)) if each)
             lines.append(visible(f'{finding.severity} {finding.code}{names and ": "}{names}'))
             for text in (f'{finding.evidence.rstrip(".")}.',

@@ -102,7 +102,7 @@ class FrameListener(PublisherListener):
         """Return that times are those of /clock; '' if they are not."""
         if not self.clock.is_simulated or not self.clock.now():
             return ''
-        nodes = comma_list(self.clock_sampler.nodes(), 3, visible)
+        nodes = comma_list(self.clock_sampler.nodes(), visible)
         return f'times are those of /clock{nodes and f", published by {nodes}"}'
 
     def _surroundings(self) -> Surroundings:

@@ -24,7 +24,7 @@ class JointStateReader:
             if not self._has_warned:
                 self._has_warned = True
                 nodes = nodes_on(self._node, self._topic)
-                names = comma_list(nodes, 5, shortened)
+                names = comma_list(nodes, shortened)
                 self._node.get_logger().warning(
                     f'dropped a message on {shortened(self._topic)} that cannot be decoded: '
                     f'{error}; published by {"one of " * (len(nodes) > 1)}{names or UNKNOWN}. '

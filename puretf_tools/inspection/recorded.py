@@ -18,8 +18,6 @@ from puretf_tools.inspection.gaps import AnyBuffer
 POSES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
          'geometry_msgs/msg/PoseWithCovarianceStamped', 'geometry_msgs/msg/TransformStamped')
 TRANSFORMS = 'geometry_msgs/msg/TransformStamped', TF_MESSAGE
-#: The largest number of names that the text of an error lists.
-_SHOWN = 10
 
 
 class Recording(NamedTuple):
@@ -86,7 +84,7 @@ class _Headers:
                 pass
             found = sorted({each.name for each in bag.topics if each.headers.count})
             raise BagError(f'no message on {self.topic} has a header; topics with headers: '
-                           f'{comma_list(found, _SHOWN) or "none"}')
+                           f'{comma_list(found) or "none"}')
         return np.unique(np.array(self._stamps, np.int64))
 
     def frame(self) -> str:
@@ -96,7 +94,7 @@ class _Headers:
 def _one_frame(topic: str, frames: set[str], remedy: str = '') -> str:
     """Return the only frame of messages on a topic, or raise a BagError."""
     if len(frames) != 1 or '' in frames:
-        names = comma_list([name or "''" for name in sorted(frames)], _SHOWN)
+        names = comma_list([name or "''" for name in sorted(frames)])
         raise BagError(f'the messages on {topic} must be in one frame, got {names or "none"}'
                        f'{remedy}')
     return next(iter(frames))
@@ -130,7 +128,7 @@ def _read_topic(bag: Bag, topic: str, types: Sequence[str], others: Sequence[str
         raise BagError(
             f'{f"the type of {topic} is {found[0]}" if found else f"there is no topic {topic}"}; '
             f'it must be {", ".join(types[:-1])} or {types[-1]}; topics of these types: '
-            f'{comma_list(fitting, _SHOWN) or "none"}')
+            f'{comma_list(fitting) or "none"}')
     return buffer, parents
 
 

@@ -96,6 +96,6 @@ class TimeWatch:
         text = (f'transforms arrive from {visible(names[sender])}, but their time went back by '
                 f'{distance:.{0 if distance >= 10.0 else 1}f} s')
         if others := self._others(sender, frames):
-            newer = comma_list(sorted({names[other] for other in others}), 3, visible)
+            newer = comma_list(sorted({names[other] for other in others}), visible)
             text += f' (newer ones are from {newer})'
         return text

@@ -154,7 +154,7 @@ def parse(text: str) -> Description:
                 f'{suggest_names(joint.mimic.joint, tuple(known), "joints")}'
                 for joint in joints if joint.mimic and joint.mimic.joint not in known]
     if ignored := sorted({each.tag for each in robot.iter() if each.tag.startswith('xacro:')}):
-        warnings.append(f'elements of xacro are ignored: {comma_list(ignored, 5)}; '
+        warnings.append(f'elements of xacro are ignored: {comma_list(ignored)}; '
                         'in a file *.xacro, xacro expands them, or says why it cannot')
     root, parents = _tree(links, joints, warnings)
     visuals, collisions = shapes(robot, warnings)
@@ -232,11 +232,11 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
     if not roots:
         refuse('the robot has no root: each link is the child of a joint, so joints form a loop')
     if len(roots) > 1:
-        refuse(f'the robot has {len(roots)} roots, {comma_list(roots, 5, quoted)}: connect them '
+        refuse(f'the robot has {len(roots)} roots, {comma_list(roots, quoted)}: connect them '
                'by joints to one tree')
     if loop := sorted(known - descend(parents, {roots[0]: None}, lambda *_: None).keys()):
         refuse(f'joints form a loop, so that these links are not below the root '
-               f'{quoted(roots[0])}: {comma_list(loop, 5, quoted)}')
+               f'{quoted(roots[0])}: {comma_list(loop, quoted)}')
     return roots[0], parents
 
 

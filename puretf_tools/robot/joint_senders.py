@@ -112,7 +112,7 @@ class JointStatePublisher(JointControls):
         topic, before = self._publisher.topic_name, self.warning
         others = {*nodes_on(self._node, topic)} - {self._node.get_fully_qualified_name(), UNKNOWN}
         self.warning = (
-            f'{comma_list(sorted(others), 5, shortened)} publishes on {shortened(topic)}, too: '
+            f'{comma_list(sorted(others), shortened)} publishes on {shortened(topic)}, too: '
             'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
             ) if others else ''
         if self.warning and not before:

@@ -116,8 +116,8 @@ class RobotTransforms:
                 '' if self._warned else ': start a program that publishes on joint_states')
         unknown = sorted(self._last.keys() - self._joints.keys())
         return ('no position has arrived for ' + comma_list(
-            sorted(self._never_sent), 10, quoted) + ', so these joints have no transform' + (
-                f'; the robot does not have {comma_list(unknown, 10, quoted)}' if unknown else ''))
+            sorted(self._never_sent), quoted) + ', so these joints have no transform' + (
+                f'; the robot does not have {comma_list(unknown, quoted)}' if unknown else ''))
 
     def _is_doubtful(self, stamp: int, names: Sequence[str]) -> bool:
         """
@@ -174,7 +174,7 @@ class RobotTransforms:
                        why: str = '') -> None:
         if cause not in self._warned:
             self._warn_once(cause, (
-                f' by {difference / SECOND:.1f} s: joint {comma_list(names, 3, quoted)}, stamp '
+                f' by {difference / SECOND:.1f} s: joint {comma_list(names, quoted)}, stamp '
                 f'{display_time(stamp)}{why}{self._publishers()}'))
 
     def _warn_once(self, cause: str, details: str = '') -> None:

@@ -133,7 +133,7 @@ class RobotStatePublisher(Node):
     def _state_publishers(self) -> str:
         topic = self._states.topic_name
         names = nodes_on(self, topic)
-        return (f'; publishers of {shortened(topic)}: {comma_list(names, 5, shortened)}'
+        return (f'; publishers of {shortened(topic)}: {comma_list(names, shortened)}'
                 if names else '')
 
     def _warn_of_description(self) -> None:

@@ -187,7 +187,7 @@ class Body:
             return False
         if robot.sign is None:
             robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
-        names = comma_list([*robot.not_drawn], 3) if self.names_meshes else 'see the tab Robot'
+        names = comma_list([*robot.not_drawn]) if self.names_meshes else 'see the tab Robot'
         robot.sign.text = f'{_meshes(new)} not drawn: {names}'
         return True
 

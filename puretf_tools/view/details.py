@@ -15,9 +15,6 @@ from puretf_tools.view.controls import escaped, html, STYLE
 from puretf_tools.view.feed import AnyBuffer, Feed
 from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH, SILENT, TIMEOUT
 
-#: The largest number of names that a line of the overview lists.
-_MAX_NAMES = 5
-
 
 def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float = TIMEOUT) -> str:
     """Return in HTML how many frames are shown, and every problem."""
@@ -55,7 +52,7 @@ def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float =
 
 
 def _list(names: list[str]) -> str:
-    return comma_list(names, _MAX_NAMES, escaped)
+    return comma_list(names, escaped)
 
 
 def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> str:

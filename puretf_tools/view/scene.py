@@ -27,8 +27,6 @@ MOST_NAMES = 50
 _LONGEST_NAME = 40  # characters
 #: The width of a letter of a label, and half the height of a label (pixels).
 _LETTER, _HALF_LINE = 7.0, 10.0
-#: The number of names in the text of a label that several frames at one place share.
-_SHARED_NAMES = 2
 _AXIS_RADIUS = 0.05  # of an axis, as a fraction of its length
 _LINE_WIDTH = 2.0  # pixels, of a line to the parent
 _CELLS, _CELL = 20, 0.5  # the number of cells along each side of the grid, and their side (m)
@@ -293,7 +291,7 @@ def _labels(placement: Placement, display: Display) -> dict[str, _Label]:
     for name in dict.fromkeys([*labels, *placement.names]):  # parents first
         if name in shown:
             texts.setdefault(labels.get(name, name), []).append(shortened(name, _LONGEST_NAME))
-    return {name: (comma_list(names, _SHARED_NAMES), points[name])
+    return {name: (comma_list(names, shown=2), points[name])
             for name, names in texts.items()}
 
 

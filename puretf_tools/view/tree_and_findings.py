@@ -30,9 +30,8 @@ _SELECTED = ' ◀'
 _NAME, _SHORT_NAME, _DEEPEST = 28, 20, 20
 _HIDE, _SHOW, _HIDE_BRANCH, _SHOW_BRANCH, _FOCUS = (
     'hide', 'show', 'hide its branch', 'show its branch', 'focus')
-#: The largest numbers of findings, of names in the title of one, and of rows that one marks; and
-#: their colours.
-_MOST, _MOST_NAMES, _MOST_MARKS = 20, 3, 10
+#: The largest numbers of findings, and of rows that one marks; and their colours.
+_MOST, _MOST_MARKS = 20, 10
 _SEVERITIES = {'error': (190, 30, 30), 'warning': (133, 100, 0), 'info': (28, 100, 190)}
 
 
@@ -156,11 +155,11 @@ class Findings:
             self.rows.show([Row(
                 finding, self._title(finding), _SEVERITIES[finding.severity],
                 html(f'{finding.evidence.rstrip(".")}. ' + bool(finding.nodes) * (
-                    f'Sent by {comma_list(finding.nodes, _MOST_NAMES)}. ') + finding.remedy,
+                    f'Sent by {comma_list(finding.nodes)}. ') + finding.remedy,
                      'finding')) for finding in findings[:_MOST]])
 
     def _title(self, finding: Finding) -> str:
-        names = comma_list(finding.frames or finding.topics, _MOST_NAMES, shortened)
+        names = comma_list(finding.frames or finding.topics, shortened, shown=3)
         player = self._feed.player
         time = f'{(finding.time - player.begin) / SECOND:+.2f} s: ' if player and (
             player.begin <= finding.time <= player.end) else ''

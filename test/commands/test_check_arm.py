@@ -51,7 +51,7 @@ def test_no_arm(domain_id, arm_domain, monkeypatch):
     """What to check is named, also an arm in another domain."""
     monkeypatch.setattr(check_arm, 'START', 0.5)
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
-    monkeypatch.setattr(domains, '_MOST_SHOWN', 1000)
+    monkeypatch.setattr(domains, 'comma_list', ', '.join)
     eventually(lambda: arm_domain in ros_domains(psutil.pids()))
     result = call(main, domain=domain_id)
     assert (result.code, result.stdout) == (1, '')

@@ -94,7 +94,7 @@ def logged(capfd, text):
 def test_nothing_at_all(ros, buffer, start, monkeypatch):
     """The domain, and the other domains in which processes run."""
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
-    monkeypatch.setattr('puretf._causes.domains._MOST_SHOWN', 1000)  # other tests run, too
+    monkeypatch.setattr('puretf._causes.domains.comma_list', ', '.join)  # other tests run, too
     for domain in reserved_domain():
         process = start(*ARM, environment={'ROS_DOMAIN_ID': str(domain)})
         process.line_with('t = 0')

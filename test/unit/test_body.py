@@ -771,4 +771,4 @@ def test_an_export_says_which_meshes_are_missing(tmp_path, monkeypatch, capsys):
                if message.get('name', '').endswith('/sign') and 'text' in message.get(
                    'updates', ())]
     assert [*signs, *updates][-1] == (
-        '13 meshes not drawn: lfs_pointer.stl, 0.stl, 1.stl and 10 more')
+        '13 meshes not drawn: lfs_pointer.stl, 0.stl, 1.stl, 2.stl, 3.stl and 8 more')
