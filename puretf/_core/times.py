@@ -61,5 +61,8 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
 
 
 def split(time: int) -> tuple[int, int]:
-    """Split a time (ns) into `sec` and `nanosec` of a stamp."""
-    return divmod(time, SECOND)
+    """Split a time (ns) into sec and nanosec; raise a ValueError if sec does not fit an int32."""
+    sec, nanosec = divmod(time, SECOND)
+    if not -_MOST_SECONDS <= sec < _MOST_SECONDS:
+        raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {time} ns')
+    return sec, nanosec

@@ -61,7 +61,7 @@ Fields = tuple[int, int, str, str, Pose]
 
 
 def pack(rows: Iterable[Row]) -> bytes:
-    return pack_fields((*split_stamp(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
+    return pack_fields((*split(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
 
 
 def pack_fields(transforms: Iterable[Fields]) -> bytes:
@@ -131,14 +131,6 @@ def _text(field: bytes) -> str:
     return field.partition(b'\0')[0].decode('utf-8', 'replace')
 
 
-def split_stamp(stamp_ns: int) -> tuple[int, int]:
-    """Split a time (ns) into sec and nanosec; raise a ValueError if sec does not fit an int32."""
-    sec, nanosec = split(stamp_ns)
-    if not -2**31 <= sec < 2**31:
-        raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
-    return sec, nanosec
-
-
 class MessageTemplate:
     """A template of messages with the same frames, as float64: CDR aligns poses to 8 bytes."""
 
@@ -153,7 +145,7 @@ class MessageTemplate:
 
     def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
         """Serialise n poses, (n, 7) float64, with one stamp; a ValueError names what is wrong."""
-        sec, nanosec = split_stamp(stamp_ns)
+        sec, nanosec = split(stamp_ns)
         values: NDArray[np.float64] = np.asarray(poses, np.float64)
         if values.shape != self._poses_at.shape:
             raise ValueError(
