@@ -21,11 +21,6 @@ Other = Union[tuple[str, str], str]
 _TF_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
 #: The durabilities to which old versions of rosbag2 give numbers.
 _DURABILITIES = {'0': 'SYSTEM_DEFAULT', '1': 'TRANSIENT_LOCAL', '2': 'VOLATILE', '3': 'UNKNOWN'}
-_REMEDIES = {
-    '': 'partial=True reads the other files',
-    '.mcap': 'If it is damaged or cut off, partial=True reads what is left',
-    '.db3': 'If it is damaged, the command .recover of the program sqlite3 may help',
-    '.bag': 'If it is damaged, cut off or from before 2011, rosbag reindex of ROS 1 may help'}
 
 
 @dataclass(eq=False)
@@ -60,7 +55,7 @@ class Contents:
                  headers: bool = False, others: Collection[Other] = ()) -> None:
         """Find nothing yet; see `Bag.messages`."""
         self._path, self._partial, self.max_bytes = path, partial, max_bytes
-        self.file, self.kind = path, ''  #: what is being read; '': a file of an unknown format
+        self.file, self.remedy = path, ''  #: what is being read, and how if it is damaged
         self._namespace = namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._tf, self._headers, self._others = tf, headers, others
@@ -109,9 +104,9 @@ class Contents:
         text = error_line(error)
         if not self._partial:
             name = '' if self.file == self._path else f'{visible(self.file.name)}: '
-            raise BagError(f'{self._path} cannot be read: {name}{text} '
-                           f'{_REMEDIES[self.kind] if self.kind or name else ""}'.rstrip()
-                           ) from None
+            remedy = self.remedy or (name and 'partial=True reads the other files')
+            raise BagError(
+                f'{self._path} cannot be read: {name}{text} {remedy}'.rstrip()) from None
         self.damage.append(f'{visible(str(self.file))}: {text}')
 
     def wrong_types(self) -> str:

@@ -5,7 +5,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Optional
 
 from rosbags import rosbag1
 from rosbags.typesys import get_typestore, Stores
@@ -18,22 +18,19 @@ from puretf._bag.unpacking import Item, TICK, unpack_file, ZSTD
 from puretf._wire import ros1
 from puretf._wire.message_reader import Encoding
 
-#: The first bytes of the formats; `.zstd` is a file that is compressed as a whole.
-_KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag',
-          ZSTD: '.zstd'}
 _typestore = cache(get_typestore)
+_Reader = Callable[[Path, Contents], Iterator[Item]]
 
 
 def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirectory[str]]
             ) -> Iterator[Item]:
     """Yield the messages of a file that are read; `copies`: the decompressed copies of files."""
-    contents.file, contents.kind = path, ''
+    contents.file, contents.remedy = path, ''
     try:
-        kind = contents.kind = _kind_of(path)
-        if kind != '.zstd':
-            yield from _READERS[kind](path, contents)
+        read, contents.remedy = _format_of(path)
+        if read is not None:
+            yield from read(path, contents)
             return
-        contents.kind = path.with_suffix('').suffix
         if path not in copies:
             copies[path] = TemporaryDirectory()
             try:
@@ -42,22 +39,21 @@ def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirector
             except Exception as error:  # what has been decompressed is read
                 contents.add_damage(error)
         whole = Path(copies[path].name, 'whole')
-        contents.kind = _kind_of(whole)
-        for item in _READERS[contents.kind](whole, contents):
+        read, contents.remedy = _format_of(whole)
+        for item in read(whole, contents) if read else ():
             yield (1 + item) / 2 if isinstance(item, float) else item
     except Exception as error:  # the libraries raise errors of many types
         contents.add_damage(error)
 
 
-def _kind_of(path: Path) -> str:
-    """Return '.mcap', '.db3', '.bag' or '.zstd'."""
+def _format_of(path: Path) -> tuple[Optional[_Reader], str]:
     if not path.is_file():  # the end of a pipe might never be reached
         raise ValueError('it is no file' if path.exists() else 'it is missing')
     with path.open('rb') as file:
         beginning = file.read(16)
-    for magic, kind in _KINDS.items():
+    for magic, (read, remedy) in _FORMATS.items():
         if beginning.startswith(magic):
-            return kind
+            return read, remedy
     raise ValueError('it is not a bag: ' + (
         'it is a Git LFS pointer: git lfs pull' if beginning == b'version https://' else
         BAG_DEFINITION if beginning else 'it is empty'))
@@ -81,9 +77,15 @@ def _records_of_ros1(path: Path, contents: Contents) -> Iterator[Item]:
         raise ValueError(f'its index announces {total} messages, but {number} were found')
 
 
-_READERS: dict[str, Callable[[Path, Contents], Iterator[Item]]] = {
-    '.mcap': lambda path, contents: McapFile(path, contents).records(),
-    '.db3': records_of_database, '.bag': _records_of_ros1}
+_PARTIAL = 'If it is damaged or cut off, partial=True reads what is left'
+#: The formats, by the first bytes of a file: what reads it, and what to do if it cannot be read.
+_FORMATS: dict[bytes, tuple[Optional[_Reader], str]] = {
+    b'\x89MCAP0\r\n': (lambda path, contents: McapFile(path, contents).records(), _PARTIAL),
+    b'SQLite format 3\0': (records_of_database, 'If it is damaged, the command .recover of the '
+                           'program sqlite3 may help'),
+    b'#ROSBAG V': (_records_of_ros1, 'If it is damaged, cut off or from before 2011, rosbag '
+                   'reindex of ROS 1 may help'),
+    ZSTD: (None, _PARTIAL)}  # a file that is compressed as a whole
 
 
 def decoded(data: bytes, msgtype: str, encoding: Encoding) -> Any:

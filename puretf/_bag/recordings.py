@@ -17,10 +17,11 @@ Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
 
 BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
                   'or a .bag file of ROS 1')
-_FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
+_ENDING = r'(\.(?:mcap|db3|bag))(?:\.zstd)?'
+_FILE = re.compile(f'{_ENDING}$')
 #: The name of a part of a split recording: rosbag2 writes `name_0.mcap`, `name_1.mcap` and so on.
 #: A name that ends with a time is none: without a name, rosbag of ROS 1 begins each part with it.
-_PART = re.compile(r'.*(?<!-\d\d-\d\d-\d\d)_(0|[1-9]\d*)(\.(?:mcap|db3|bag))(?:\.zstd)?')
+_PART = re.compile(rf'.*(?<!-\d\d-\d\d-\d\d)_(0|[1-9]\d*){_ENDING}')
 #: The largest number of characters of an error of a library.
 _LONGEST_ERROR = 500
 #: The largest size of metadata (bytes), and the largest numbers of values one within another, and
