@@ -390,8 +390,8 @@ def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
     states = facts.around.joint_states
     for node in dict.fromkeys(each.node for each in facts.around.publishers or ()):
         topic = facts.around.waits_for.get(node, '/clock')
-        # An arm that moves may listen to positions to be set.
-        if topic != '/clock' and not (facts.symptom == 'none' and facts.has_sent(node)):
+        # An arm may listen to positions to be set, as on joint_command, without need.
+        if 'joint_state' in topic and not (facts.symptom == 'none' and facts.has_sent(node)):
             other = next((name for name in states if node not in states[name]), '')
             where = f'; {listed(states[other])} publishes {other}' if other else ''
             yield Evidence(

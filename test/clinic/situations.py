@@ -817,6 +817,9 @@ UNLUCKY = [
 ]
 
 HEALTHY = [
+    Situation('an arm that listens to commands, and a frame that does not exist', World([
+        Sender('/dummy_arm', ['base_link joint_1'], waits_for='/dummy_arm/joint_command')]),
+        [Lookup('base_link', 'tool', [], not_words=['joint_command'])]),
     Situation('a clock is set back by 0.1 s', World([DRIVER._replace(
         stamp=lambda stamp: stamp - (stamp > NOW - 10 * S) * S // 10)]),
         [Lookup('odom', 'base_link', None)]),
