@@ -148,9 +148,10 @@ class Statistics(Counts):
         since = [self._since.get(track.publisher, 0) for track in tracks]
         keys = (*sorted({key for track in tracks for key in self._keys.get(track.number, ())}),)
         if keys not in self._streams:
-            arrivals, stamps = (np.asarray(each) for each in self._arrivals[keys[0]]) if (
-                len(keys) == 1) else (np.concatenate([np.empty(0, np.int64), *(
-                    self._arrivals[key][column] for key in keys)]) for column in (0, 1))
+            kept = [self._arrivals[key] for key in keys] or [(array('q'), array('q'))]
+            # One array is looked at, not copied.
+            arrivals, stamps = (np.asarray(columns[0]) if len(columns) == 1 else
+                                np.concatenate(columns) for columns in zip(*kept))
             self._streams[keys] = Stream(
                 arrivals, stamps, self.clock.at(arrivals), max(since, default=0) + self.settling)
         return self._streams[keys]
