@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import SECOND
+from puretf import Frame, SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, OTHER_CLOCK
@@ -25,6 +25,7 @@ from puretf_tools.doctor.observation import in_words, Observation, total
 from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, is_pause, LATE, SHARE, SHORTEST_GAP
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
+from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.robots import joint_states_of
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
@@ -162,11 +163,11 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
 
 def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
     for evidence in RULES[code].find(observation.facts):
-        if len(evidence.frames) > 1 and len({observation.tree_of.get(name, name)
-                                             for name in evidence.frames}) == 1:
+        frames = {*evidence.frames}
+        if len(frames) > 1 and len({observation.tree_of.get(name, name) for name in frames}) == 1:
             continue  # they were connected before; see changing_parent
         tracks = [track for track in observation.tracks
-                  if not {*evidence.frames}.isdisjoint((track.child, *track.parents))]
+                  if not frames.isdisjoint((track.child, *track.parents))]
         yield _Fault(evidence.text, tracks, evidence.frames, evidence.topics, evidence.nodes,
                      RULES[code].remedy.format(**evidence.values) or None, scope=())
 
@@ -217,12 +218,13 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
         'of a timer.', 'other', needs=('nodes',), explains=('no_transforms', 'gap'))
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that create publishers again and again: what they send first can be lost."""
-    for (node, topic), publishers in observation.recreated.items():
+    again = {key: {*publishers} for key, publishers in observation.recreated.items()}
+    for (node, topic), publishers in again.items():
         frames = [track.child for track in observation.tracks if track.publisher in publishers]
         # A broadcaster that is created in a callback sends little.
-        counts = [track['count'] for track in observation.tracks if not track.is_static
-                  and track.publisher in observation.recreated.get(
-                      (node, observation.topics[0]), ())]
+        dynamic = again.get((node, observation.topics[0]), ())
+        counts = [track['count'] for track in observation.tracks
+                  if not track.is_static and track.publisher in dynamic]
         usual = np.median(counts) if counts else 0.0
         where = ', from one node' if node.startswith('/') else ''
         how = (f', with {usual:.0f} transforms each, as if it has started again '
@@ -292,18 +294,14 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
         'parent.', 'other')
 def _loop(observation: Observation) -> Iterator[_Fault]:
     """Find frames that are parents of each other in a circle; lookups through them fail."""
-    seen = set[str]()
-    for child in observation.parents:
-        above = observation.ancestors(child)
-        if child in above and child not in seen:
-            loop = [child, *above[:above.index(child)]]
-            seen.update(loop)
-            more = ['...'] if len(loop) > SHOWN else []
-            yield _Fault(
-                f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
-                f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, child]))}',
-                [track for name in loop for track in observation.by_child[name]],
-                remedy='' if len(loop) > 1 else RULES['loop'].remedy)
+    forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
+                    for child, parent in observation.parents.items())
+    for loop in forest.loops:
+        tracks = [track for name in loop for track in observation.by_child[name]]
+        more = ['...'] if len(loop) > SHOWN else []
+        yield _Fault(f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
+                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks,
+                     remedy='' if len(loop) > 1 else RULES['loop'].remedy)
 
 
 @_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
