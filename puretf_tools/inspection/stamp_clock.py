@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Sequence
+from threading import Lock
 from time import time_ns
 from typing import Optional
 
@@ -21,25 +22,27 @@ class StampClock:
     """
     The clock of the stamps; that of the computer, unless `is_simulated` is set.
 
-    Between two messages of /clock, its time is interpolated, since /clock can be slow.
+    Between two messages of /clock, its time is interpolated, since /clock can be slow. Any thread
+    may ask: a warning of the listener is written in that of its node.
     """
 
     def __init__(self, system: Callable[[], int] = time_ns) -> None:
         self.system = system  #: returns the time of the system clock (ns)
         self.is_simulated = False  #: whether it is /clock
         #: When messages of /clock arrived (ns, on the system clock), and their times (ns).
-        self._arrivals, self._times = array('q'), array('q')
+        self._arrivals, self._times, self._lock = array('q'), array('q'), Lock()
 
     def add(self, arrival: int, time: int) -> None:
         """Add a message of /clock."""
-        if len(self._times) > _MOST:
-            del self._arrivals[:_MOST // 2], self._times[:_MOST // 2]
-        if self._times and not 0 <= time - self._times[-1] < OTHER_CLOCK:
-            # A jump: until this message, time has stood.
-            self._arrivals.append(arrival - 1)
-            self._times.append(self._times[-1])
-        self._arrivals.append(arrival)
-        self._times.append(time)
+        with self._lock:
+            if len(self._times) > _MOST:
+                del self._arrivals[:_MOST // 2], self._times[:_MOST // 2]
+            if self._times and not 0 <= time - self._times[-1] < OTHER_CLOCK:
+                # A jump: until this message, time has stood.
+                self._arrivals.append(arrival - 1)
+                self._times.append(self._times[-1])
+            self._arrivals.append(arrival)
+            self._times.append(time)
 
     def at(self, arrivals: NDArray[np.int64]) -> Optional[NDArray[np.int64]]:
         """Convert (n,) times of the system clock to this clock (ns); None: it is not known."""
@@ -68,9 +71,10 @@ class StampClock:
         return bool(fits_clock.sum() > fits_system.sum())
 
     def _simulated(self, arrivals: NDArray[np.int64]) -> Optional[NDArray[np.int64]]:
-        if not self._times:
+        with self._lock:
+            known, times = np.array(self._arrivals), np.array(self._times)
+        if not len(times):
             return None
-        known, times = np.array(self._arrivals), np.array(self._times)
         steps = np.sort(np.diff(np.array([known[-_PACE:], times[-_PACE:]])))
         # The median leaves out jumps.
         period, step = steps[:, steps.shape[1] // 2] if len(times) > 1 else (SECOND, SECOND)

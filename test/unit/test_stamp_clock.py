@@ -1,5 +1,7 @@
 """Which clock the stamps are on, and what it shows, by messages of /clock that are made up."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -77,3 +79,13 @@ def test_no_message():
 def test_the_choice(messages, stamps, choice):
     """It is /clock if most stamps fit it, and not the system clock."""
     assert clock_of(*messages).choice(stamps) is choice
+
+
+def test_two_threads():
+    """One adds while the other one asks."""
+    clock = clock_of((0, 0))
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(lambda: [clock.now() for _ in range(200)])
+        while not asked.done():
+            clock.add(NOW, 0)
+    assert set(asked.result()) == {0}
