@@ -42,9 +42,11 @@ def test_the_arm_that_is_running(start, domain_id, tmp_path):
         assert fault_of_drawing(tmp_path / 'in' / 'frames.pdf') == ''
     svg = ElementTree.parse(tmp_path / 'in' / 'arm.svg')
     assert [each.text for each in svg.iterfind('{*}text')] == [*FRAMES[2:]]
-    *_, (x, y) = (map(float, point.split(',')) for point in [
-        *svg.iterfind('{*}polyline')][1].get('points', '').split())
-    assert 0.5 < hypot(x, y) < 0.9  # of the hand: the arm is bent
+    path, arm = ([hypot(*map(float, point.split(','))) for point in line.get('points', '').split()]
+                 for line in svg.iterfind('{*}polyline'))
+    assert 0.75 < min(path) < 0.8  # the arm bends
+    assert max(path) < 0.901  # its links are 0.9 m long
+    assert arm[-1] == path[-1]
 
 
 def test_no_arm(domain_id, arm_domain, monkeypatch):
