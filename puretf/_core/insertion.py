@@ -40,13 +40,8 @@ class Insertion:
         #: The largest number of samples of one frame.
         self._max_samples_per_frame = sys.maxsize if max_samples is None else max(
             MAX_SAMPLES_PER_STAMP, _MAX_SAMPLES_PER_SECOND * self._tree.cache_time // SECOND)
-        #: At least this number of samples can be inserted before the buffer is full. Samples that
-        #: expire make room, but this number does not grow until `_drop_oldest` counts all samples.
+        #: How many samples can be inserted before the buffer is full.
         self._room = self._max_samples
-        #: True if there was no room when the samples were last counted.
-        self._is_full = False
-        #: The number of samples that were inserted into the full buffer since the last count.
-        self._uncounted = 0
 
     def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
@@ -79,6 +74,7 @@ class Insertion:
             histories.setdefault(child, None)
             histories.setdefault(parent, None)
             if is_static:
+                self._room += len(history) if isinstance(history, History) else 0
                 histories[child] = StaticHistory(parent, pose, authority)
                 return True
         elif isinstance(history, StaticHistory):
@@ -86,8 +82,9 @@ class Insertion:
             return True
         if not isinstance(history, History):
             histories[child] = history = History(self._tree.cache_time)
-        before = history.latest
+        before, length = history.latest, len(history)
         is_accepted = history.insert(stamp, parent, pose, authority)
+        self._room += length - (length := len(history))
         history.arrival = monotonic_ns()
         if history.latest != before:
             history.advance = history.arrival
@@ -99,9 +96,8 @@ class Insertion:
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
                     old_data_end, self._tree.look, authority))
             return False
-        self._room -= 1
-        if self._room < 0 or len(history) > self._max_samples_per_frame:
-            self._drop_oldest(history, 1, child, authority)
+        if self._room < 0 or length > self._max_samples_per_frame:
+            self._drop_oldest(history, child, authority)
         return True
 
     def _accepts_names(self, parent: str, child: str, authority: str, is_static: bool) -> bool:
@@ -148,15 +144,15 @@ class Insertion:
                     history = self._tree.histories.get(child)
                     if (is_finite and isinstance(history, History)
                             and history.only_parent == parent
+                            and (length := len(history.stamps) - history.start)
                             and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
                                                batch.authority)):
                         history.arrival = history.advance = now
                         if now >= history.next_offset:
                             history.note_offset()
-                        self._room -= count
-                        if self._room < 0 or (
-                                len(history.stamps) - history.start > self._max_samples_per_frame):
-                            self._drop_oldest(history, count, child, batch.authority)
+                        self._room += length - (length := len(history.stamps) - history.start)
+                        if self._room < 0 or length > self._max_samples_per_frame:
+                            self._drop_oldest(history, child, batch.authority)
                         continue
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
                         is_accepted &= self.insert(stamp, parent, child, _unpack_pose(packed),
@@ -188,36 +184,23 @@ class Insertion:
         self._count_samples()
 
     def _count_samples(self) -> None:
-        self._uncounted = 0
         self._room = self._max_samples - sum(
             len(history) for history in self._tree.histories.values()
             if isinstance(history, History))
-        self._is_full = self._room <= 0
 
-    def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
+    def _drop_oldest(self, history: History, child: str, authority: str) -> None:
         """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""
-        surplus = len(history) - self._max_samples_per_frame
-        if surplus > 0:
-            history.is_full = True
-            history.drop_before(history.start + surplus)
-            self._room += surplus
+        of_frame, of_buffer = len(history) - self._max_samples_per_frame, -self._room
+        surplus = max(of_frame, min(of_buffer, len(history) - 1))
+        if surplus <= 0:  # each frame keeps a sample
+            return
+        history.is_full = True
+        history.drop_before(history.start + surplus)
+        self._room += surplus
+        if of_frame > 0:
             self.log.warn_once('frame', texts.too_many_samples_of_a_frame(
                 child, self._max_samples_per_frame, authority))
-        if self._room >= 0:
-            return
-        # Counting all samples takes time in proportion to the number of frames. So in a full
-        # buffer, the samples are counted only now and then. Between two counts, a frame drops one
-        # old sample for each new sample.
-        self._uncounted += added
-        surplus = added
-        if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
-            self._count_samples()
-            surplus = min(added, -self._room)
-        surplus = min(surplus, len(history) - 1)
-        if surplus > 0:
-            history.is_full = True
-            history.drop_before(history.start + surplus)
-            self._room += surplus
+        if of_buffer > of_frame:
             self.log.warn_once('buffer', texts.too_many_samples(
                 child, self._max_samples, authority))
 

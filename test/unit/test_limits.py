@@ -196,6 +196,16 @@ def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
     assert lengths(buffer) == {'a': 2, 'b': 7}
 
 
+def test_a_buffer_is_full_no_longer_when_a_frame_becomes_static(insert, logs):
+    """Its samples, which the static transform replaces, make room."""
+    buffer = TransformBuffer(max_samples=10)
+    insert(buffer, [T + i for i in range(8)], ['a'])
+    buffer.insert(T, 'map', 'a', STILL, is_static=True)
+    insert(buffer, [T + i for i in range(10)], ['b'])
+    assert lengths(buffer)['b'] == 10
+    assert not logs
+
+
 def test_a_buffer_is_full_no_longer_when_it_is_cleared(insert, logs):
     """All samples that are inserted afterwards are kept, as in a new buffer."""
     buffer = TransformBuffer(max_samples=400)
