@@ -50,6 +50,21 @@ def test_the_readme_is_short_and_its_picture_small():
         assert f'(docs/{page.name})' in readme
 
 
+def test_the_pictures_of_the_code_name_modules_that_exist():
+    """So do all names of files in these pages."""
+    contributing = (ROOT / 'CONTRIBUTING.md').read_text()
+    architecture = (ROOT / 'docs' / 'architecture.md').read_text()
+    picture = re.sub(r'\(.*?\)|/tf\w*|viser|rosbags|frames.pdf', '', ' '.join(
+        line[10:] for line in contributing.splitlines() if '▶' in line))
+    named = {*re.findall(r'[a-z_0-9]+', picture),
+             *re.findall(r'(\w+)\.py\b', contributing + architecture)}
+    files = [*ROOT.glob('*.py'), *(path.relative_to(ROOT) for package in (
+        'puretf', 'puretf_tools', 'dummy_arm', 'test') for path in (ROOT / package).rglob('*.py'))]
+    assert named - {'NAME', 'test_NAME'} - {
+        name for path in files for name in (path.stem, *path.parts)} == set()
+    assert len(named) > 60
+
+
 def test_names_that_are_missing_are_named():
     """docs/library.md names everything of tf2 and tf_transformations that is missing here."""
     api = json.loads((ROOT / 'test' / 'data' / 'tf2_api.json').read_text())
