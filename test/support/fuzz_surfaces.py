@@ -1,12 +1,12 @@
 """
-Fuzz targets: names of frames in every text that shows them, the page, and command lines.
+Fuzz targets: names of frames in every text that shows them, and the page.
 
 See fuzz_messages.py for what a target is.
 """
 
 import atexit
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, redirect_stderr, redirect_stdout, suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from functools import cache
 from html import unescape
 from html.parser import HTMLParser
@@ -15,20 +15,15 @@ import io
 import json
 import logging
 import math
-import os
-from pathlib import Path
 import re
-import shutil
 import socket
 import struct
-import sys
 import threading
 import time
 from typing import Any, NamedTuple, Optional
-from unittest.mock import patch
 
 import bags
-from environment import COMMANDS, ROS
+from environment import COMMANDS
 from fuzz_messages import folder, Input, logged_texts, S, T
 from views import RIGHT
 
@@ -52,112 +47,25 @@ _LONGEST_LINE = 8000
 DISCONNECTED = 'puretf_tools.view.viser_private'
 
 
-class Stopped(BaseException):
-    """A command line has been accepted, and the command was about to do something outside."""
-
-
-#: The directory in which commands may write files now; None: no command is running.
-_writable: Optional[Path] = None
-_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-_OUTSIDE = ('subprocess.Popen', 'os.system', 'os.exec', 'os.fork', 'os.forkpty',
-            'os.posix_spawn', 'socket.bind', 'socket.connect', 'socket.getaddrinfo',
-            'socket.gethostbyname', 'socket.sendto')
-_CHANGES = ('os.remove', 'os.rename', 'os.mkdir', 'os.rmdir', 'os.truncate', 'os.link',
-            'os.symlink', 'os.chmod', 'os.chown')
-
-
-def _audit(event: str, args: tuple[Any, ...]) -> None:
-    """Stop a command before it starts a process, opens a socket or writes elsewhere."""
-    if _writable is None or threading.current_thread() is not threading.main_thread():
-        return
-    paths: tuple[Any, ...] = ()
-    if event in _OUTSIDE:
-        raise Stopped(event)
-    if event == 'open' and isinstance(args[0], (str, bytes)) and (
-            args[2] & _WRITES or set(args[1] or '') & set('wax+')):
-        paths = args[:1]
-    elif event in _CHANGES:
-        paths = tuple(path for path in args[:2] if isinstance(path, (str, bytes)))
-    for path in map(os.fsdecode, paths):
-        if path != os.devnull and not Path(path).absolute().is_relative_to(_writable):
-            raise Stopped(f'{event} {path}')
-
-
-@cache
-def _install_audit() -> None:
-    sys.addaudithook(_audit)  # cannot be removed
-
-
 class Outcome(NamedTuple):
     """How a command has ended."""
 
-    code: Optional[int]  #: the exit code; None: it was stopped
+    code: object
     output: str
     errors: str
 
 
 def run_command(name: str, arguments: Sequence[str]) -> Outcome:
-    """
-    Run a command in this process, up to the point where it would start a node, serve or draw.
-
-    :param name: the name of its module.
-    :param arguments: the command line; the working directory is a temporary one.
-    """
-    global _writable
-    _install_audit()
-    module = _module(name)
-    assert module is not None
+    """Run a command in this process; what it prints must be UTF-8."""
     output, errors = (io.TextIOWrapper(io.BytesIO(), 'utf-8', 'strict') for _ in range(2))
-    directory = folder() / 'work'
-    directory.mkdir(exist_ok=True)
-    before = Path.cwd()
-    code: Optional[int]
-
-    def stop(*_: object, **__: object) -> None:
-        raise Stopped
-
-    with ExitStack() as stack:
-        stack.enter_context(redirect_stdout(output))
-        stack.enter_context(redirect_stderr(errors))
-        with suppress(ImportError):
-            stack.enter_context(patch.object(import_module('rclpy'), 'init', stop))
-        for attribute in {'_grade_all', '_check_running', '_show'} & vars(module).keys():
-            # These start programs or threads, or serve; that of view_frames shows a tree.
-            if (name, attribute) != ('view_frames', '_show'):
-                stack.enter_context(patch.object(module, attribute, stop))
-        os.chdir(directory)
-        _writable = directory
+    with redirect_stdout(output), redirect_stderr(errors):
         try:
-            code = module.main(list(arguments))
+            code = import_module(COMMANDS[name]).main([*arguments])
         except SystemExit as error:
-            code = error.code if isinstance(error.code, int) else 1
-        except Stopped:
-            code = None
-        except ModuleNotFoundError as error:  # a node cannot be started without ROS
-            if not (error.name or '').startswith(ROS):
-                raise
-            code = None
-        finally:
-            _writable = None
-            os.chdir(before)
-            for path in directory.iterdir():
-                if path.name != 'walk.mcap':
-                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+            code = error.code
     for stream in output, errors:
         stream.flush()
-    return Outcome(code, *(stream.buffer.getvalue().decode()
-                           for stream in (output, errors)))
-
-
-@cache
-def _module(name: str) -> Any:
-    """Import the module of a command; None if it needs ROS and there is none."""
-    try:
-        return import_module(COMMANDS[name])
-    except ModuleNotFoundError as error:
-        if not (error.name or '').startswith(ROS):
-            raise
-        return None
+    return Outcome(code, *(stream.buffer.getvalue().decode() for stream in (output, errors)))
 
 
 def check_lines(text: str, longest: int = _LONGEST_LINE) -> None:
@@ -675,71 +583,3 @@ def seeds_of_views() -> Iterator[bytes]:
         yield bytes([1, 0, number, 0, 0])
         for kind in range(2, 6):
             yield bytes([9, 1, number, 1, kind, number, number, 0, 1, kind % 4])
-
-
-# Command lines
-
-
-_WORDS = ('map', 'odom', 'base_link', 'walk.mcap', '', '0', '1', '-1', '2.5', '-1e-3', 'nan',
-          '-nan', 'inf', '-inf', '1e400', '9' * 30, '1_0', '0x10', '٣', '/', '//', '.', '..',
-          './x.csv', 'x.png', 'x.npz', 'x.tum', 'a.pdf', 'a.gv', 'missing/x.csv', '/proc/self/mem',
-          '127.0.0.1', 'localhost', '8080', '0', '65536', 'é', '\udcff', 'a\nb', '\x1b[2J', ' ',
-          '--', '-', '---', '--ros-args', '-r', '-p', 'rate:=5', '__ns:=/a', 'tf:=/b', 'x' * 3000,
-          '{', '[', '%s', '%(prog)s', '*', 'rotation', 'identity', '2**63', '9223372036.854775807')
-
-
-@cache
-def _options(command: str) -> tuple[str, ...]:
-    """Return the options of a command, as its help lists them."""
-    text = run_command(command, ['--help']).output
-    return tuple(dict.fromkeys(re.findall(r'(?<![\w-])--?[a-zA-Z][\w-]*', text)))
-
-
-def _command_line(source: Input) -> tuple[str, list[str]]:
-    """Return the name of a command, and arguments of the kind that it knows, or others."""
-    known = [name for name in [*COMMANDS] if _module(name) is not None]
-    command = source.choice([*COMMANDS])
-    command = command if command in known else known[0]
-    arguments = []
-    for _ in range(source.integer(9)):
-        kind = source.integer(7)
-        option = source.choice(_options(command))
-        word = source.choice(_WORDS) if kind % 2 else source.text()
-        arguments += ([word] if kind < 3 else [option] if kind == 3 else [f'{option}={word}']
-                      if kind == 4 else ['--bag', 'walk.mcap'] if kind == 5 else [option, word])
-    return command, [argument.replace('\0', '') for argument in arguments]
-
-
-def check_commands(data: bytes) -> None:
-    """Run a command line: it is accepted, or refused by one clear line."""
-    path = folder() / 'work' / 'walk.mcap'
-    if not path.exists():
-        path.parent.mkdir(exist_ok=True)
-        bags.mcap(path, bags.mcap_channel(), bags.mcap_channel('/tf_static', 2), *(
-            bags.mcap_message(rows, time, 2 if topic == '/tf_static' else 1)
-            for topic, time, rows in bags.walk(1)))
-    command, arguments = _command_line(Input(data))
-    outcome = run_command(command, arguments)
-    what = f'{command} {arguments}: {outcome}'
-    longest = _LONGEST_LINE + 12 * sum(map(len, arguments))
-    check_lines(outcome.output, longest)
-    check_lines(outcome.errors, longest)
-    assert 'Traceback' not in outcome.errors, what
-    assert outcome.code in (None, 0, 1, 2), what
-    if outcome.code == 2:
-        assert outcome.output == '', what
-        assert outcome.errors.startswith(f'{command}: '), what
-        assert outcome.errors.count('\n') == 1, what
-        assert outcome.errors.endswith('\n'), what
-
-
-def seeds_of_commands() -> Iterator[bytes]:
-    """Yield command lines with a bag, with options, and with junk."""
-    for number in range(len([*COMMANDS])):
-        yield bytes([number, 0])
-        yield bytes([number, 1, 5, 0, 0])
-        yield bytes([number, 3, 5, 0, 0, 1, 0, 0, 1, 0, 2])
-        for option in range(6):
-            yield bytes([number, 2, 6, option, 4, 97, 98, 99, 100, 7, option, 8])
-            yield bytes([number, 3, 5, 0, 0, 7, option, 10, 4, option, 1, 7])
-
