@@ -36,9 +36,6 @@ _ONCE = 2 * SECOND
 #: Stamps have a constant lead if its mean is at least this part of the largest; localisation dates
 #: its transforms ahead by less than this (ns).
 _CONSTANT, _MOST_LEAD = 0.8, 5 * SECOND
-#: Two publishers with two clocks are no late transform of an old run, unless one of them makes
-#: the other one's transforms old by so many times fewer.
-_MANY_REFUSED = 10
 #: /clock is slow if the time from one message to the next one is longer (ns).
 _SLOW_CLOCK = 0.11 * SECOND
 #: A frame is handed over if its parent or its publisher changes at most so often, or its parent
@@ -439,40 +436,32 @@ def _share(tracks: Sequence[Track], field: str) -> str:
         explains=('late', 'future', 'gap', *_WAITING))
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find stamps of another clock: far from the arrival, or off while others are in time."""
-    # If one such stamp makes others old, `time_goes_back` says it.
-    told = {refused.by for track, refused in observation.refused.items()
-            if _is_refused_for_another(observation, track)}
-    told.update(track for track, refused in observation.refused.items()
-                if refused.number > track['foreign'])
+    # If few such stamps make many others old, `time_goes_back` says it.
+    told = {track for track in observation.tracks
+            if observation.refused[track.child] > track['foreign']}
     stepped = {track for track in observation.tracks if track.stream.clock_step}
     for tracks in observation.by_publisher(stepped.__contains__):
-        worst = max(tracks, key=itemgetter('largest_step'))
-        before, after = map(_compared, worst.stream.clock_step or ())
-        yield _Fault(
-            _step_text(tracks) + ('' if 'arrivals' in observation.not_known else
-                                  f'; before it, they are {before}, and after it {after}'),
-            tracks, severity=WARNING if after == _IN_TIME else '',
-            time=worst.stream.largest_step[1])
+        stream = max(tracks, key=itemgetter('largest_step')).stream
+        _, delay = stream.clock_step or (0, 0)
+        yield _Fault(_step_text(tracks), tracks, time=stream.largest_step[1],
+                     severity=WARNING if -FUTURE <= delay <= LATE else '')
     told |= stepped
     if observation.clock:
         yield from _other_clock_than(observation, observation.clock, told)
         return
     for tracks in observation.by_publisher(lambda track: track not in told and (
             track['foreign'] > track['stalled'])):
-        worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
-        offset = -max(worst['greatest_delay'], worst['least_delay'], key=abs)
         yield _Fault(
-            f'{_share(tracks, "foreign")} with stamps up to {apart(offset, worst["stamp"])} the '
-            f'arrival; the last stamp of {shortened(worst.child)} is '
-            f'{exact_time(worst["stamp"])}', tracks,
-            remedy=_clock_remedy(observation, worst['stamp'], tracks))
-    if 'arrivals' not in observation.not_known and (others := _in_time(observation)):
+            f'{_off_text(tracks, "foreign", "least_delay", "greatest_delay")}; the last stamp is '
+            f'{exact_time(tracks[-1]["stamp"])}', tracks,
+            remedy=_clock_remedy(observation, tracks[-1]['stamp'], tracks))
+    if others := _in_time(observation):
         for tracks in observation.by_publisher(
                 lambda track: track not in stepped and _off_by(track)):
             offset = apart(_off_by(tracks[0]), tracks[0]['stamp'])
             yield _Fault(f'the stamps of {_names(map(_child_of, tracks))} are {offset} the '
                          f'arrival; {others} are in time', tracks,
-                         remedy=_synchronise(observation, tracks))
+                         remedy=_by_dates(observation, tracks))
 
 
 def _off_by(track: Track) -> int:
@@ -486,21 +475,14 @@ def _off_by(track: Track) -> int:
 
 def _step_text(tracks: Sequence[Track]) -> str:
     length, before = max(track.stream.largest_step for track in tracks)
-    return (f'the stamps of {_names(map(_child_of, tracks))} step forward by {in_words(length)} '
+    return (f'the stamps of {_names(map(_child_of, tracks))} step forward by {_known(length)} '
             f'after {exact_time(before)}, while transforms arrive as before')
 
 
-_IN_TIME = 'in time'
-
-
-def _compared(delay: float) -> str:
-    return _IN_TIME if -FUTURE <= delay <= LATE else (
-        f'{in_words(delay)} {"behind" if delay > 0 else "ahead"}{_known(-delay)}')
-
-
 def _known(offset: float) -> str:
+    """Say how long an offset is (ns), and what it is known for."""
     name = known_offset(round(offset))
-    return f' ({name})' if name else ''
+    return f'{in_words(offset)}{f" ({name})" if name else ""}'
 
 
 def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] = ()) -> str:
@@ -509,7 +491,7 @@ def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] 
            for time in (sender.stamp, sender.last)):
         return ('Let all nodes, and this command, use one clock: set use_sim_time in all of them, '
                 'or in none.')
-    return _play(observation, tracks) or _synchronise(observation, tracks)
+    return _play(observation, tracks) or _by_dates(observation, tracks)
 
 
 def _play(observation: Observation, tracks: Iterable[Track]) -> str:
@@ -523,11 +505,13 @@ def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int
                  if track.publisher in observation.ahead), None)
 
 
-def _synchronise(observation: Observation, tracks: Iterable[Track]) -> str:
-    """Return that the clocks of the computers differ; '': this is not known."""
+def _by_dates(observation: Observation, tracks: Iterable[Track]) -> str:
+    """Return what to do about stamps, by the dates of their messages; '': not known."""
     ahead = _ahead_of(observation, tracks)
-    if ahead is None or abs(ahead) <= FUTURE:
+    if ahead is None:
         return ''
+    if abs(ahead) <= FUTURE:
+        return 'Look at how the node dates its transforms: the clock of its computer is right.'
     return (f'Synchronise the clocks of the computers: that of the sender is {in_words(ahead)} '
             f'{"ahead" if ahead > 0 else "behind"}, by the dates of its messages.')
 
@@ -629,7 +613,7 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
             continue  # the transforms are ahead; see future
         yield _of_topic(
             observation, topic, found, 'are too old: when they arrive, their transforms are up to '
-            f'{in_words(cache)}{_known(-cache)} older than the newest ones',
+            f'{_known(-cache)} older than the newest ones',
             'Send the messages sooner, or give the listener a cache_time of '
             f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE and not (
                 observation.topic_streams[topic.topic].stalled) else None)
@@ -929,13 +913,12 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         topics.sort(key=lambda each: -each[0].quantiles()[2])
         topic, _ = topics[0]
-        median, most, largest = topic.quantiles()
+        largest = topic.quantiles()[-1]
         instead = ('correct the clock that stamps the messages' if _lead(observation, topics) else
                    'make the publisher send the transforms sooner, or more often')
         yield _of_edge(
             observation, edge, topics, 'can be transformed only after waiting for the edge '
-            f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
-            f'{largest:.3g} s (largest){_known(largest * SECOND)}',
+            f'{_edge_text(observation, edge)}, up to {_known(largest * SECOND)}',
             None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
@@ -993,15 +976,8 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
 def _late(observation: Observation) -> Iterator[_Fault]:
     """Find transforms that arrive more than 0.5 s after their stamp."""
     for tracks in observation.by_publisher(lambda track: track.stream.has_many('late')):
-        worst = max(tracks, key=itemgetter('greatest_delay'))
-        # Stamps of the future can make the mean negative.
-        mean = f'{in_words(worst.stream.mean_delay)}, the largest ' if (
-            worst.stream.mean_delay > 0.0) else ''
-        text = (f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
-                f'stamp; the {"mean" if mean else "largest"} delay of {shortened(worst.child)} '
-                f'is {mean}{in_words(worst["greatest_delay"])}{_known(worst.stream.offset or 0)}')
-        yield _of_this_clock(observation, text, tracks) or _Fault(
-            text, tracks, remedy=_play(observation, tracks))
+        yield _off_by_many(
+            observation, tracks, 'late', 'greatest_delay', _play(observation, tracks))
 
 
 @_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
@@ -1011,41 +987,38 @@ def _future(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are more than 0.1 s later than their arrival."""
     for tracks in observation.by_publisher(lambda track: track.stream.has_many('future')):
         worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
-        text = (f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
-                f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
-                f'ahead ({shortened(worst.child)}){_known(worst.stream.offset or 0)}')
-        is_synchronised = ahead is not None and abs(ahead) <= FUTURE
         is_constant = worst.stream.mean_delay < _CONSTANT * worst['least_delay']
+        fault = _off_by_many(
+            observation, tracks, 'future', 'least_delay', _by_dates(observation, tracks))
         if is_constant and _in_time(observation) == _FRAMES and (
-                is_synchronised or (observation.has_record_times and _is_localisation(worst)
-                                    and worst['least_delay'] > -_MOST_LEAD)):
-            yield _Fault(f'{text}; the lead is constant, and other frames are in time', tracks,
-                         remedy='This is right if the node dates its transforms into the future '
-                         'on purpose, as localisation does (transform_tolerance)'
-                         f'{"" if is_synchronised else "; else compare the clocks"}.',
-                         severity=INFO)
-        else:
-            yield _of_this_clock(observation, text, tracks) or _Fault(
-                text, tracks, remedy=_synchronise(observation, tracks) or (
-                    'Look at how the node dates its transforms: the clock of its computer is '
-                    'right.' if is_synchronised else ''))
+                observation.has_record_times and _is_localisation(worst)
+                and worst['least_delay'] > -_MOST_LEAD if ahead is None else abs(ahead) <= FUTURE):
+            fault = fault._replace(severity=INFO, remedy=(
+                'This is right if the node dates its transforms into the future on purpose, as '
+                'localisation does (transform_tolerance); else compare the clocks.'))
+        yield fault
 
 
-def _of_this_clock(observation: Observation, text: str, tracks: Sequence[Track]
-                   ) -> Optional[_Fault]:
-    """Return a fault of the clock of the arrivals, if all messages are as far from it."""
+def _off_by_many(observation: Observation, tracks: Sequence[Track], field: str, extreme: str,
+                 remedy: str) -> _Fault:
+    """Return a fault of many delays: of the clock of the arrivals, if all messages have them."""
+    text = _off_text(tracks, field, extreme)
     delays = [each.mean_delay for each in observation.topic_streams.values() if each.delays]
-    if not delays or _in_time(observation):
-        return None
-    delays += [track.stream.mean_delay for track in tracks]
-    if not max(delays) - min(delays) <= LATE:
-        return None
+    if not delays or _in_time(observation) or not np.ptp(
+            delays + [track.stream.mean_delay for track in tracks]) <= LATE:
+        return _Fault(text, tracks, remedy=remedy)
     is_bag = observation.has_record_times
     return _Fault(
         f'{text}; it is the same for other messages', tracks, severity=INFO if is_bag else '',
         remedy=_play(observation, tracks) or 'Compare the clock of the computer '
-        f'{"that has recorded" if is_bag else "of tf_doctor"} with those of the nodes'
-        f'{"" if is_bag else ", and look at the network"}.')
+        f'{"that has recorded" if is_bag else "of tf_doctor"} with those of the nodes.')
+
+
+def _off_text(tracks: Sequence[Track], field: str, *extremes: str) -> str:
+    """Say how far stamps are from the arrivals; `extremes`: the items with the delays."""
+    offset, stamp = max(((-track[extreme], track['stamp']) for track in tracks
+                         for extreme in extremes), key=lambda each: abs(each[0]))
+    return f'{_share(tracks, field)} with stamps up to {apart(offset, stamp)} the arrival'
 
 
 _FRAMES = 'other frames'
@@ -1059,51 +1032,32 @@ def _in_time(observation: Observation) -> str:
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
-        'simulation or a bag was started again, restart the listeners, too.', 'old_data',
-        severity=WARNING)
+        'simulation or a bag was started again, end the nodes of the run before, and restart the '
+        'listeners, or call clear() of their buffers.', 'old_data', severity=WARNING)
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are earlier than those before; listeners may refuse them."""
-    for track in observation.tracks:
-        if track.stream.alternates:
-            yield _Fault(f'the stamps of {quoted(track.child)} alternate between two clocks, '
-                         f'{in_words(track["step_back"])} apart', [track],
-                         time=track['step_back_at'], code='two_publishers')
-    for tracks in observation.by_publisher(lambda track: not track.stream.alternates and (
-            track['backwards'] or _is_refused_for_another(observation, track))):
-        worst = max(tracks, key=itemgetter('step_back'))
-        refused = [track for track in tracks if track in observation.refused]
-        texts = [_refused_text(observation, refused)] if refused else []
-        if worst['backwards']:
-            texts.append(f'{_share(tracks, "backwards")} with an earlier stamp than the one '
-                         f'before; the largest step back is {in_words(worst["step_back"])} '
-                         f'({shortened(worst.child)})')
-        yield _Fault('; '.join(texts), tracks, nodes=[
-            observation.node_of(observation.refused[track].by) for track in refused],
-            remedy='Restart the nodes that listen, or call clear() of their buffers; before a '
-            'simulation or a bag starts again, stop the nodes that publish its transforms.'
-            if refused else '', time=worst['step_back_at'],
+    groups: dict[frozenset[str], list[str]] = {}  # by the publishers: the frames
+    for child, tracks in observation.by_child.items():
+        stream = observation.stream(child)
+        if stream.alternates and len(tracks) == 1:
+            yield _Fault(f'the stamps of {quoted(child)} alternate between two clocks, '
+                         f'{in_words(stream.step_back)} apart', tracks, code='two_publishers')
+        elif not stream.alternates and (observation.refused[child] or total(tracks, 'backwards')):
+            groups.setdefault(frozenset(track.publisher for track in tracks), []).append(child)
+    for children in groups.values():
+        streams = [*map(observation.stream, children)]
+        worst = max(streams, key=attrgetter('step_back'))
+        refused = sum(observation.refused[child] for child in children)
+        yield _Fault(
+            f'{sum(each.backwards for each in streams)} of '
+            f'{sum(len(each.stamps) for each in streams)} transforms of {_names(children)} with '
+            f'an earlier stamp than the one before; the largest step back is '
+            f'{in_words(worst.step_back)}, from {exact_time(worst.step_back_at)}' + (
+                f'; a buffer with the default cache of {CACHE_TIME // SECOND} s refuses '
+                f'{refused} transforms' if refused else ''),
+            [*chain(*(observation.by_child[child] for child in children))],
             # A clock that is adjusted may go back a little.
-            severity='' if refused or worst['step_back'] > SHORTEST_GAP else INFO)
-
-
-def _is_refused_for_another(observation: Observation, track: Track) -> bool:
-    """Return whether another publisher, which has ended or sends little, makes them old."""
-    refused = observation.refused.get(track)
-    return refused is not None and refused.by is not track and bool(
-        refused.number > _MANY_REFUSED * refused.by['count']
-        or not _exist_together(observation, track, refused.by))
-
-
-def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
-    worst = max(tracks, key=lambda track: observation.refused[track].number)
-    refused, node = observation.refused[worst], observation.node_of(worst)
-    count = sum(observation.refused[track].number for track in tracks)
-    by = observation.node_of(refused.by)
-    return (f'{count} transform{"s" if count > 1 else ""} of '
-            f'{comma_list([track.child for track in tracks], quoted)}'
-            f'{f" from {node}" if node else ""} {"were" if count > 1 else "was"} refused by a '
-            f'buffer with the default cache of {CACHE_TIME // SECOND} s, since one at '
-            f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
+            severity='' if worst.step_back > SHORTEST_GAP else INFO, time=worst.step_back_at)
 
 
 @_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish the '

@@ -5,7 +5,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
-from typing import NamedTuple, Optional
+from typing import Optional
 
 import numpy as np
 
@@ -25,14 +25,6 @@ from puretf_tools.robot.observed import RobotsInBag
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
-
-
-class Refused(NamedTuple):
-    """Transforms that a buffer refuses, since they are older than its cache reaches back."""
-
-    number: int
-    newer: int  #: the newest stamp before the last of them (ns)
-    by: Track  #: the track with this stamp
 
 
 @dataclass
@@ -216,30 +208,20 @@ class Observation:
                     found[topic.topic] = topic, offset, in_time
         return found
 
+    def stream(self, child: str) -> Stream:
+        """Return the dynamic transforms of a child, of all publishers."""
+        return self.statistics.stream(self.by_child.get(child, ()))
+
     @cached_property
-    def refused(self) -> dict[Track, Refused]:
-        """What a buffer with the default cache refuses of each track, if it refuses anything."""
-        found: dict[Track, Refused] = {}
-        for tracks in self.by_child.values():
-            streams = [track.stream for track in tracks if len(track.stream.stamps)]
-            if (len(streams) < 2 and not any(each.backwards for each in streams)) or max(
-                    each.latest for each in streams) - min(
-                        each.oldest for each in streams) <= CACHE_TIME:
-                continue
-            times, stamps, numbers = (np.concatenate(each) for each in zip(*(
-                (track.stream.arrivals, track.stream.stamps,
-                 np.full(len(track.stream.stamps), number))
-                for number, track in enumerate(tracks))))
-            order = np.argsort(times, kind='stable')
-            for part in np.split(order, times[order].searchsorted(sorted(self.clears))):
-                newest = np.maximum.accumulate(stamps[part])
-                is_refused = stamps[part] < newest - CACHE_TIME
-                for number in np.unique(numbers[part][is_refused]).tolist():
-                    at = np.flatnonzero(is_refused & (numbers[part] == number))
-                    newer, track = newest[at[-1]], tracks[number]
-                    by = tracks[numbers[part][newest.searchsorted(newer)]]
-                    before = found[track].number if track in found else 0
-                    found[track] = Refused(before + len(at), int(newer), by)
+    def refused(self) -> dict[str, int]:
+        """By child: how many transforms a buffer with the default cache refuses."""
+        found = {}
+        for child in self.by_child:
+            stream = self.stream(child)
+            parts = np.split(stream.stamps, stream.arrivals.searchsorted(sorted(self.clears))
+                             ) if stream.backwards else ()
+            found[child] = sum(int(np.count_nonzero(
+                part < np.maximum.accumulate(part) - CACHE_TIME)) for part in parts)
         return found
 
     @cached_property
@@ -269,9 +251,8 @@ class Observation:
         # Edges whose transforms always arrive together are judged once.
         edges: dict[Stream, Edge] = {}
         for child in path:
-            tracks = self.dynamic_tracks(child)
-            stream = self.statistics.stream(tracks)
-            if not tracks or stream in edges:
+            stream = self.stream(child)
+            if stream in edges or not self.dynamic_tracks(child):
                 continue
             if not stream.arrivals.any():
                 return None

@@ -93,7 +93,7 @@ class Stream:
         #: The stamp before it (ns); 0: there is none.
         self.step_back_at = int(self.stamps[steps.argmin()]) if self.step_back else 0
         #: True if the stamps are of two clocks in turn, as those of two publishers.
-        self.alternates = self.step_back > _TURN and self.backwards > max(
+        self.alternates = int(np.count_nonzero(steps < -_TURN)) > max(
             _FEW_TURNS, _TURNS * len(self.stamps))
 
     def _judge_delays(self, delays: _Array) -> None:

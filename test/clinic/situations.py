@@ -190,7 +190,7 @@ FAULTY = [
     Situation('data ahead of the clock', World([DRIVER._replace(offset=30.0)]),
               [Lookup('odom', 'base_link', ['other_clock'], ('30.0 s ahead of',), at=0.0)],
         finds=['future'], after=[AGAIN],
-        report=['warning future: base_link', 'the farthest is 30 s ahead (base_link)']),
+        report=['warning future: base_link', 'with stamps up to 30.0 s ahead of the arrival.']),
     *(Situation(f'2.28 refused: {code}', World([DRIVER, Sender(
         '/imu', ['base_link tool'], pose=pose)], has_gids=True),
         [Lookup('odom', 'tool', [code], ("transforms of 'tool' from /imu were refused",))],
@@ -237,7 +237,7 @@ FAULTY = [
               [Lookup('odom', 'base_link', ['other_clock'], ('5.0 s behind',), at=0.0)],
               ['late'], [AGAIN],
         report=['warning late: base_link',
-                'the mean delay of base_link is 5 s, the largest 5 s.']),
+                '401 of 401 transforms of base_link with stamps up to 5.0 s behind the arrival.']),
     Situation('1.17 the same, and a lookup at the present time', World([
         Sender('/rosbag2_player', ['odom base_link'], offset=-1e8)]),
         [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)],
@@ -267,7 +267,7 @@ FAULTY = [
         after=[SIM, {'senders': [DRIVER]}],
         report=['error other_clock: base_link',
                 'up to 1699999900.0 s (near 0, as since power-on) behind the arrival; the last '
-                'stamp of base_link is 100.000000000.']),
+                'stamp is 100.000000000.']),
     Situation('a simulation, and a driver without use_sim_time', World(
         [DRIVER], **SIM, use_sim_time={'/driver': False, '/nav': True}),
         [Lookup('odom', 'base_link', ['use_sim_time_differs'], ('the data are not',), at=0.0)],
@@ -439,7 +439,7 @@ FAULTY = [
         ['message_early'], [ROBOT],
         report=['warning message_early: laser',
                 '195 of 195 messages on /scan can be transformed only after waiting for the ',
-                'edge odom -> base_link of /driver: 0.28 s (median), 0.28 s (95 %), 0.28 s ',
+                'edge odom -> base_link of /driver, up to 0.28 s.',
                 'timeout=Duration(seconds=0.3) in the lookup; queue of a filter: ',
                 'queue_size=3, ...)']),
     Situation('scans without a stamp', World(
@@ -535,7 +535,7 @@ FAULTY = [
             Sensor('/light', '/light', 'lamp')]), [], ['disconnected', 'several_trees']),
     Situation('the stamps of a driver are 0.3 s ahead, and scans are in time', World(
         [DRIVER._replace(offset=0.3), LASER], sensors=[Sensor()]), [], ['future'],
-        report=['the farthest is 0.3 s ahead (base_link).']),
+        report=['with stamps up to 0.3 s ahead of the arrival.']),
     Situation('a bag with --clock, and a camera of now', World([
         Sender('/rosbag2_player', ['odom base_link'], offset=100.0 - NOW / S),
         Sender('/camera', ['base_link cam'])], clock=100.0, clock_nodes=['/rosbag2_player'],

@@ -245,7 +245,7 @@ def test_a_simulation_that_is_started_again():
         (finding,) = examine(
             observed(content, [], clocks=clocks, clears=clears), ignore=['gap', 'future']).findings
         assert finding.code == 'time_goes_back'
-        assert ('refused' in finding.evidence) is is_refused
+        assert ('refuses' in finding.evidence) is is_refused
 
 
 CLOCK = {'clocks': [sender('/gazebo')], 'nodes': {'/robot': '/driver'}}
