@@ -127,7 +127,7 @@ def _changing_parent(facts: Facts) -> Iterator[Evidence]:
             yield Evidence(f'{quoted(frame)} has {len(parents)} parents: ' + ', '.join(
                 f'{quoted(each.name)}{" (static)" * each.is_static}'
                 f'{_of("by", _senders(facts, frame, each.authority, each.name))}'
-                for each in parents[-4:]), {'frame': quoted(frame)})
+                for each in parents[-4:]), {'frame': quoted(frame)}, frames=[frame])
 
 
 def _pairs(facts: Facts) -> Iterator[tuple[str, list[str], str, list[str]]]:

@@ -22,7 +22,7 @@ from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import CACHE_TIME, exact_time
 from puretf_tools.doctor.message_times import Edge, LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import in_words, Observation, total
-from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, is_pause, LATE, SHARE, SHORTEST_GAP
+from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import Forest
@@ -137,13 +137,6 @@ def _hertz(track: Track) -> str:
     return 'once' if track.rate is None else f'{track.rate:.1f} Hz'
 
 
-def _of_frame(code: str, observation: Observation, tracks: Sequence[Track]) -> str:
-    """Return the remedy for a frame, with its publishers if there are several."""
-    nodes = {*map(observation.node_of, tracks)} - {''}
-    by = f', by {" or ".join(map(shortened, sorted(nodes)))}' if len(nodes) > 1 else ''
-    return CHECKS[code].remedy.format(frame=quoted(tracks[0].child) + by)
-
-
 # Errors
 
 
@@ -212,47 +205,25 @@ def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
 
 
 @_check('many_publishers', 'Create the broadcaster once, with the node, and not in the callback '
-        'of a timer.', 'other', needs=('nodes',), explains=('no_transforms', 'gap'))
+        'of a timer; if the node ends and is started again, look at its log.', 'other',
+        needs=('nodes',), explains=('no_transforms', 'gap'))
 def _many_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that create publishers again and again: what they send first can be lost."""
-    again = {key: {*publishers} for key, publishers in observation.recreated.items()}
-    for (node, topic), publishers in again.items():
+    for (node, topic), publishers in observation.recreated.items():
         frames = [track.child for track in observation.tracks if track.publisher in publishers]
-        # A broadcaster that is created in a callback sends little.
-        dynamic = again.get((node, observation.topics[0]), ())
-        counts = [track['count'] for track in observation.tracks
-                  if not track.is_static and track.publisher in dynamic]
-        usual = np.median(counts) if counts else 0.0
-        where = ', from one node' if node.startswith('/') else ''
-        how = (f', with {usual:.0f} transforms each, as if it has started again '
-               f'{len(publishers) - 1} times' if usual >= FEWEST else '')
-        yield _Fault(
-            f'{len(publishers)} publishers, one after another{where}{how}', (), frames, [topic],
-            [node], 'Look at the log of the node: does it end, and is it started again? If not, '
-            'create its broadcaster once.' if how else '', WARNING if how else '')
+        yield _Fault(f'{len(publishers)} publishers, one after another', (), frames, [topic],
+                     [node])
 
 
 @_check(*_same('changing_parent'),
         explains=('static_and_dynamic', 'two_publishers', 'jump', 'same_stamp', 'gap'))
 def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     """Find frames whose parent changes, and with it the shape of the tree."""
-    for child, tracks in observation.by_child.items():
-        parents = {parent: track for track in tracks for parent in track.parents}
-        if len(parents) > 1:
-            texts = [f'{quoted(parent)}{" (static)" * track.is_static}'
-                     f'{_by(observation, track)}' for parent, track in parents.items()]
-            is_handed = _is_handed_over(observation, tracks)
-            yield _Fault(f'{quoted(child)} has {len(parents)} parents in {total(tracks, "count")} '
-                         f'transforms: {comma_list(texts)}', tracks,
-                         remedy='If it was not handed over on purpose, let only one parent be '
-                         f'published for {quoted(child)}.' if is_handed else
-                         _of_frame('changing_parent', observation, tracks),
-                         severity=INFO if is_handed else '')
-
-
-def _by(observation: Observation, track: Track) -> str:
-    node = observation.node_of(track)
-    return f' by {shortened(node)}' if node else ''
+    for fault in _found_by('changing_parent', observation):
+        tracks = [track for child in fault.frames or () for track in observation.by_child[child]]
+        fault = fault._replace(tracks=tracks, scope=None)
+        yield (fault._replace(severity=INFO, remedy=None)
+               if _is_handed_over(observation, tracks) else fault)
 
 
 def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
@@ -268,23 +239,20 @@ def _take_turns(observation: Observation, a: Track, b: Track) -> bool:
     arrivals = [track.stream.arrivals for track in (a, b)]
     if a.is_static or min(map(len, arrivals)) <= _FEW_SWITCHES:
         return not _exist_together(observation, a, b)
-    first, second = sorted(arrivals, key=itemgetter(0))
-    turns = np.concatenate([np.zeros(len(first)), np.ones(len(second))])[
-        np.argsort(np.concatenate([first, second]), kind='stable')]
-    return bool(np.count_nonzero(np.diff(turns)) <= _FEW_SWITCHES)
+    senders = np.repeat([0, 1], [*map(len, arrivals)])[
+        np.argsort(np.concatenate(arrivals), kind='stable')]
+    return bool(np.count_nonzero(np.diff(senders)) <= _FEW_SWITCHES)
 
 
-@_check('static_and_dynamic', 'Let only one of the two topics have {frame}.', 'jump')
+@_check('static_and_dynamic', 'Let only one of the two topics have the frame.', 'jump')
 def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
     """Find frames on both /tf and /tf_static; listeners use now one, now the other."""
     for child, tracks in observation.by_child.items():
-        groups = [[track for track in tracks if track.is_static == is_static]
+        counts = [total([track for track in tracks if track.is_static == is_static], 'count')
                   for is_static in (False, True)]
-        if all(groups):
-            texts = [f'{total(group, "count")} on {topic}{_by(observation, group[-1])}'
-                     for group, topic in zip(groups, observation.topics)]
-            yield _Fault(f'transforms of {quoted(child)}: {", ".join(texts)}', tracks,
-                         remedy=_of_frame('static_and_dynamic', observation, tracks))
+        if all(counts):
+            texts = [f'{count} on {topic}' for count, topic in zip(counts, observation.topics)]
+            yield _Fault(f'transforms of {quoted(child)}: {", ".join(texts)}', tracks)
 
 
 @_check('loop', 'Remove one of the transforms: the frame at the top, such as map, must have no '
@@ -295,9 +263,9 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
                     for child, parent in observation.parents.items())
     for loop in forest.loops:
         tracks = [track for name in loop for track in observation.by_child[name]]
-        more = ['...'] if len(loop) > SHOWN else []
-        yield _Fault(f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
-                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks,
+        names = [*loop[:SHOWN], *['...'] * (len(loop) > SHOWN), loop[0]]
+        yield _Fault(f'{len(loop)} frame{"s" * (len(loop) > 1)} in a loop: '
+                     f'{" -> ".join(map(shortened, names))}', tracks,
                      remedy='' if len(loop) > 1 else RULES['loop'].remedy)
 
 
@@ -341,19 +309,17 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
             each for each in robot.elsewhere
             if each not in map(joint_states_of, (other.topic for other in observation.robots))]
         known = (f'which names {_names(sorted(robot.states))}' if robot.states else
-                 'where nothing was received')
-        if others:
-            known += f'; joint states are on {_names(others)}'
-        silent: dict[str, list[str]] = {}
+                 'where nothing was received') + (
+                     f'; joint states are on {_names(others)}' if others else '')
+        silent: dict[str, list[str]] = {}  # by the reason why its states are ignored
         for joint, links in robot.joints.items():
             # The name of a link can be known without a transform to it, from a child of the link.
-            if not all(start + link in observation.parents for link in links):
-                if joint not in robot.states:
-                    silent.setdefault(f'not on {topic}, {known}', []).append(joint)
-                elif why := robot.states[joint]:
-                    silent.setdefault(f'on {topic} only in messages that {why}, which '
-                                      'robot_state_publisher ignores', []).append(joint)
-        for where, joints in silent.items():
+            if robot.states.get(joint) != '' and not all(
+                    start + link in observation.parents for link in links):
+                silent.setdefault(robot.states.get(joint, ''), []).append(joint)
+        for why, joints in silent.items():
+            where = (f'on {topic} only in messages that {why}, which robot_state_publisher ignores'
+                     if why else f'not on {topic}, {known}')
             frames = [start + link for joint in joints for link in robot.joints[joint]]
             yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
                          f'{_names(joints)}', (), frames, [topic],
@@ -416,9 +382,9 @@ def _not_a_number(observation: Observation) -> Iterator[_Fault]:
 def _unnormalized(observation: Observation) -> Iterator[_Fault]:
     """Find quaternions whose norm is not 1 (within 0.001), so that they are no rotations."""
     for tracks in observation.by_publisher(itemgetter('unnormalized')):
-        worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
+        worst = max((track['worst_norm'] for track in tracks), key=lambda norm: abs(norm - 1.0))
         yield _Fault(f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
-                     f'worst norm is {worst["worst_norm"]:.6g} ({shortened(worst.child)})', tracks)
+                     f'worst norm is {worst:.6g}', tracks)
 
 
 def _counted(observation: Observation, field: str, what: str,
@@ -581,22 +547,20 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     newest = max((track['latest'] for track in observation.tracks), default=0)
     for topic, found in _found(observation, Verdict.OTHER_CLOCK):
         stamp = int(topic.stamps[found][-1])
-        yield _of_topic(
-            observation, topic, found, 'have stamps of another clock; the last is '
+        yield _of_messages(
+            observation, [(topic, found)], 'have stamps of another clock; the last is '
             f'{exact_time(stamp)}, {apart(stamp - newest, stamp)} the newest transform',
             _clock_remedy(observation, stamp))
-    for topic, offset, in_time in observation.off_clock.values():
-        senders = observation.senders.get(topic.topic, ())
-        # See other_clock.
-        if offset <= CACHE_TIME or not any(
-                observation.node_of(track) in senders
+    for topic in observation.message_times:
+        offset, senders = observation.off_clock.get(topic.topic), observation.senders
+        # If the frame of the same node is off, too: see other_clock.
+        if offset and not (offset > CACHE_TIME and any(
+                observation.node_of(track) in senders.get(topic.topic, ())
                 and abs((track.stream.offset or 0) - offset) < SECOND
-                for track in observation.tracks):
-            yield _of_topic(
-                observation, topic, topic.stamps != 0, 'have stamps of another clock: the clock '
-                f'of {_names(senders or [topic.topic])} is '
-                f'{apart(offset, int(topic.stamps[-1]))} that of {shortened(in_time.child)} on '
-                f'{observation.topics[0]}, which is in time')
+                for track in observation.tracks)):
+            yield _of_messages(observation, [(topic, topic.stamps != 0)], 'have stamps '
+                               f'{apart(offset, int(topic.stamps[-1]))} the arrival; frames are '
+                               'in time')
 
 
 @_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
@@ -604,19 +568,17 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive when a cache of 10 s has dropped their transforms."""
     for topic, found in _found(observation, Verdict.TOO_OLD):
-        cache = int(topic.waits[found].max())
-        if cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks):
-            continue  # see other_clock
-        ages = _ages(observation, topic)
-        if ages is not None and -FUTURE <= np.median(ages[found]) < np.median(
-                topic.waits[found]) / 2:
-            continue  # the transforms are ahead; see future
-        yield _of_topic(
-            observation, topic, found, 'are too old: when they arrive, their transforms are up to '
-            f'{_known(-cache)} older than the newest ones',
+        cache, stream = int(topic.waits[found].max()), observation.topic_streams[topic.topic]
+        # The transforms are ahead, or of another clock: see future, and other_clock.
+        if (stream.delays and -FUTURE <= stream.greatest_delay < cache / 2) or (
+                cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks)):
+            continue
+        yield _of_messages(
+            observation, [(topic, found)], 'are too old: when they arrive, their transforms are '
+            f'up to {_known(-cache)} older than the newest ones',
             'Send the messages sooner, or give the listener a cache_time of '
-            f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE and not (
-                observation.topic_streams[topic.topic].stalled) else None)
+            f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE and not stream.stalled
+            else None)
 
 
 @_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its clock '
@@ -625,16 +587,21 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     """Find messages that wait in vain: the transforms never reach their stamps."""
     for edge, topics in _by_edge(observation, Verdict.NEVER):
-        last = int(topics[0][0].stamps.max())
+        last = max(int(topic.stamps.max()) for topic, _ in topics)
         reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
                   if edge.end < last else
                   'arrive when those of other edges are not kept any more')
         node = _ended_node(observation, observation.newest[edge.child])
-        fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
-                         f'{_edge_text(observation, edge)} {reason}', _start_again(node) or (
-                             'Correct the clock that stamps the messages.'
-                             if 0 < last - edge.end < 2 * _lead(observation, topics) else ''))
-        yield fault._replace(time=int(edge.end))
+        yield _of_messages(
+            observation, topics, f'wait in vain: the data of the edge '
+            f'{_edge_text(observation, edge)} {reason}', _start_again(node) or (
+                'Correct the clock that stamps the messages.'
+                if 0 < last - edge.end < 2 * _lead(observation, topics) else ''),
+            edge.child)._replace(time=int(edge.end))
+
+
+#: Topics, and which of their messages were found.
+_Messages = list[tuple[MessageTimes, NDArray[np.bool_]]]
 
 
 def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
@@ -649,70 +616,44 @@ def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
             continue  # see message_other_clock
         found = topic.verdicts == verdict
         count = (found & (topic.waits >= least_wait)).sum()
-        total = len(found) if verdict is Verdict.ZERO_STAMP else topic.judged
-        if count and count >= SHARE * total:
+        if count and count >= SHARE * topic.number_of(verdict):
             yield topic, found
 
 
 def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
-             ) -> Iterable[tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]]:
+             ) -> Iterable[tuple[Edge, _Messages]]:
     """Group what `_found` yields by the edge for which most of the messages wait."""
-    groups: dict[str, tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]] = {}
+    groups: dict[str, tuple[Edge, _Messages]] = {}
     for topic, found in _found(observation, verdict, least_wait):
         number = np.bincount(topic.edge_numbers[found], topic.waits[found] + 1).argmax()
         edge = topic.edges[number]
-        _, topics = groups.setdefault(edge.child, (edge, []))
-        topics.append((topic, found & (topic.edge_numbers == number)))
+        groups.setdefault(edge.child, (edge, []))[1].append(
+            (topic, found & (topic.edge_numbers == number)))
     return groups.values()
 
 
-def _of_topic(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_], what: str,
-              remedy: Optional[str] = '') -> _Fault:
-    """Return a fault of those messages of a topic that were found."""
-    return _Fault(
-        f'{_part(topic, found)} {what}', (), _frames_of(topic, found), [topic.topic],
-        observation.senders.get(topic.topic, ()), remedy)
-
-
-def _of_edge(observation: Observation, edge: Edge,
-             topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str,
-             remedy: Optional[str] = '') -> _Fault:
-    """Return a fault of messages that wait for an edge; `what` is said of those of one topic."""
+def _of_messages(observation: Observation, topics: _Messages, what: str,
+                 remedy: Optional[str] = '', child: str = '') -> _Fault:
+    """Return a fault of messages; `child`: that of the edge for which they wait."""
     names = [topic.topic for topic, _ in topics]
-    more = f'; so do messages on {_names(names[1:])}' if names[1:] else ''
-    ahead = _lead(observation, topics)
+    count = sum(int(found.sum()) for _, found in topics)
+    number = sum(topic.number_of(topic.verdicts[found].min()) for topic, found in topics)
+    sample = (f' (sampled from {sum(topic.messages for topic, _ in topics)})'
+              if any(topic.step > 1 for topic, _ in topics) else '')
+    ahead = _lead(observation, topics) if child else 0
     clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
     return _Fault(
-        f'{_part(*topics[0])} {what}{more}{clock}', (),
-        chain.from_iterable(_frames_of(*each) for each in topics), names,
-        [*chain.from_iterable(observation.senders.get(name, ()) for name in names),
-         *map(observation.node_of, observation.dynamic_tracks(edge.child))], remedy)
+        f'{count} of {number} messages{sample} on {_names(names)} {what}{clock}', (),
+        [topic.frames[i] for topic, found in topics
+         for i in np.unique(topic.frame_numbers[found]).tolist()], names,
+        [*chain(*(observation.senders.get(name, ()) for name in names)),
+         *map(observation.node_of, observation.dynamic_tracks(child))], remedy)
 
 
-def _lead(observation: Observation,
-          topics: Iterable[tuple[MessageTimes, NDArray[np.bool_]]]) -> int:
+def _lead(observation: Observation, topics: _Messages) -> int:
     """Return by how much stamps of messages are later than their arrivals (ns); 0: not."""
-    ahead = max((-int(ages[found].min()) for topic, found in topics
-                 if (ages := _ages(observation, topic)) is not None), default=0)
+    ahead = max(-observation.topic_streams[topic.topic].least_delay for topic, _ in topics)
     return ahead if ahead > FUTURE else 0
-
-
-def _ages(observation: Observation, topic: MessageTimes) -> Optional[NDArray[np.int64]]:
-    """Return the ages of messages when they arrive (ns), by their stamps; None: not known."""
-    clock = observation.stamp_clock
-    times = clock.at(topic.arrivals) if clock else None
-    return None if times is None else times - topic.stamps
-
-
-def _part(topic: MessageTimes, found: NDArray[np.bool_]) -> str:
-    """Say how many messages of a topic were found."""
-    total = topic.judged if topic.verdicts[found].min() >= Verdict.AT_ONCE else len(found)
-    sample = f' (sampled from {topic.messages})' if topic.step > 1 else ''
-    return f'{found.sum()} of {total} messages{sample} on {shortened(topic.topic)}'
-
-
-def _frames_of(topic: MessageTimes, found: NDArray[np.bool_]) -> list[str]:
-    return [topic.frames[number] for number in np.unique(topic.frame_numbers[found]).tolist()]
 
 
 def _edge_text(observation: Observation, edge: Edge) -> str:
@@ -744,12 +685,8 @@ def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
                 groups.setdefault((*senders,), []).append(name)
         for found, joints in groups.items():
             frames = _frames_of_joints(observation, topic, joints)
-            newest = max(sender.offset for sender in found)
-            late = [f'; the stamps of {sender.node} are {in_words(newest - sender.offset)} earlier'
-                    for sender in found if newest - sender.offset > LATE]
-            yield _Fault(
-                f'{_counts(found)} send {_names(joints)} on {topic}{"".join(late)}', (), frames,
-                [topic], [sender.node for sender in found])
+            yield _Fault(f'{_counts(found)} send {_names(joints)} on {topic}', (), frames,
+                         [topic], [sender.node for sender in found])
 
 
 def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str]) -> list[str]:
@@ -797,43 +734,35 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
         explains=('other_clock', 'message_other_clock'))
 def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     """Find nodes on different clocks: use_sim_time is true in some only."""
-    answers = observation.use_sim_time
-    using = [node for node, uses in answers.items() if uses]
-    clocks = {sender.node for sender in observation.clocks}
+    answers, stamps = observation.use_sim_time, _last_stamps(observation)
+    clocks, using = {sender.node for sender in observation.clocks}, {*filter(answers.get, answers)}
+    needy = answers.keys() & {*stamps, *observation.tf_listeners}
     # What publishes /clock needs no use_sim_time.
-    others = [node for node, uses in answers.items()
-              if not uses and node not in clocks and _needs_time(observation, node)]
+    others = [node for node in answers if node in needy - using - clocks]
     # A simulation beside a robot may use its own clock.
-    if not others or not clocks or all(
-            node in clocks and not _needs_time(observation, node) for node in using):
+    if not others or not clocks or using <= clocks - needy:
         return
-    foreign = [node for node in others if _is_foreign(observation, node)]
-    is_harmless = not foreign and not {*others} & {*observation.tf_listeners}
+    foreign = [node for node in others for stamp in stamps.get(node, ())
+               if abs(stamp - observation.clocks[0].stamp) > OTHER_CLOCK]
     yield _Fault(
-        f'use_sim_time is false in {_names(others)}, and true in {_names(using)}, while '
+        f'use_sim_time is false in {_names(others)}, and true in {_names(sorted(using))}, while '
         f'{_names(sorted(clocks))} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (),
-        (), others,
-        severity=ERROR if foreign else INFO if is_harmless else '',
+        (), others, severity=ERROR if foreign else
+        INFO if {*others}.isdisjoint(observation.tf_listeners) else '',
         # Those with the simulated clock are found if this node does not use it.
         scope=[*foreign, *using] if foreign else others)
 
 
-def _needs_time(observation: Observation, node: str) -> bool:
-    """Return whether a node listens to transforms, or sends stamps."""
-    return node in observation.tf_listeners or any(
-        observation.node_of(track) == node and not track.is_static
-        for track in observation.tracks) or any(
-            node in nodes for nodes in observation.senders.values())
-
-
-def _is_foreign(observation: Observation, node: str) -> bool:
-    """Return whether a node sends stamps that are far from the time on /clock."""
-    stamps = [track['stamp'] for track in observation.tracks if not (
-        observation.node_of(track) != node or track.is_static or track.stream.is_frozen)]
-    stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
-               if headers.stamps and node in observation.senders.get(topic, ())]
-    now = observation.clocks[0].stamp
-    return any(stamp and abs(stamp - now) > OTHER_CLOCK for stamp in stamps)
+def _last_stamps(observation: Observation) -> dict[str, list[int]]:
+    """Return by node the last stamps on /tf and in headers."""
+    stamps: dict[str, list[int]] = {}
+    for track in observation.tracks:
+        if track['stamp'] and not (track.is_static or track.stream.is_frozen):
+            stamps.setdefault(observation.node_of(track), []).append(track['stamp'])
+    for topic, headers in observation.headers.items():
+        for node in observation.senders.get(topic, ()):
+            stamps.setdefault(node, []).extend(filter(None, headers.stamps[-1:]))
+    return stamps
 
 
 # Warnings
@@ -844,13 +773,9 @@ def _is_foreign(observation: Observation, node: str) -> bool:
 def _gap(observation: Observation) -> Iterator[_Fault]:
     """Find gaps between stamps (more than 3 periods), and frames that have ended."""
     paused: list[Track] = []
-    sources = [(observation.node_of(each) or f'{id(each.stream)}', each.stream)
-               for each in observation.tracks] + [
-        (node, stream) for topic, stream in observation.topic_streams.items()
-        for node in observation.senders.get(topic) or [topic]]
     for tracks in observation.by_publisher(_has_gap):
         worst = max(tracks, key=itemgetter('largest_step'))
-        if is_pause(worst.stream, sources):
+        if _is_pause(observation, worst.stream):
             paused += tracks
             continue
         stream, (length, before) = worst.stream, worst.stream.largest_step
@@ -885,6 +810,23 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                      time=min(track['latest'] for track in tracks))
 
 
+def _is_pause(observation: Observation, paused: Stream) -> bool:
+    """Return whether nothing of several nodes has arrived during the largest step of a stream."""
+    begin, end = paused.arrivals_at_step
+    slack, nodes = max(SHORTEST_GAP, paused.period), set[str]()
+    for node, stream in chain(
+            ((observation.node_of(each) or f'{id(each.stream)}', each.stream)
+             for each in observation.tracks),
+            ((node, stream) for topic, stream in observation.topic_streams.items()
+             for node in observation.senders.get(topic) or [topic])):
+        first, after = stream.arrivals.searchsorted([begin + slack, end - slack]).tolist()
+        if first < after:
+            return False
+        if 0 < first < len(stream.arrivals) and end - begin > GAP * stream.period:
+            nodes.add(node)
+    return len(nodes) > 1 and not paused.has_many_gaps and end - begin > 2 * slack + SECOND
+
+
 def _ended_node(observation: Observation, track: Track) -> str:
     """Return the node of a track if it does not publish any more; '': it does, or may."""
     node = observation.node_of(track)
@@ -911,18 +853,16 @@ def _has_gap(track: Track) -> bool:
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
-        topics.sort(key=lambda each: -each[0].quantiles()[2])
-        topic, _ = topics[0]
-        largest = topic.quantiles()[-1]
+        largest = max(topic.quantiles()[-1] for topic, _ in topics)
         instead = ('correct the clock that stamps the messages' if _lead(observation, topics) else
                    'make the publisher send the transforms sooner, or more often')
-        yield _of_edge(
-            observation, edge, topics, 'can be transformed only after waiting for the edge '
+        yield _of_messages(
+            observation, topics, 'can be transformed only after waiting for the edge '
             f'{_edge_text(observation, edge)}, up to {_known(largest * SECOND)}',
             None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            f'...). Or {instead}.')
+            f'...). Or {instead}.', edge.child)
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
@@ -930,7 +870,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find messages with the stamp 0; lookups for them take the latest transform."""
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
-        fault = _of_topic(observation, topic, found, 'have the stamp 0')
+        fault = _of_messages(observation, [(topic, found)], 'have the stamp 0')
         yield fault if topic.edges else fault._replace(
             severity=INFO, remedy='This is right if the latest transform is meant, as for markers '
             'of RViz: nothing moves above their frame.')

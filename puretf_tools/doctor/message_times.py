@@ -95,6 +95,10 @@ class MessageTimes(NamedTuple):
         """How many messages of the sample were judged."""
         return int((self.verdicts >= Verdict.AT_ONCE).sum())
 
+    def number_of(self, verdict: Verdict) -> int:
+        """Return of how many messages of the sample those of a verdict are a part."""
+        return self.judged if verdict >= Verdict.AT_ONCE else len(self.verdicts)
+
     def quantiles(self) -> list[float]:
         """Return the median, the 95 % quantile and the largest of the waits (s); 0.0: none."""
         waits = self.waits[self.verdicts == Verdict.WAITS]

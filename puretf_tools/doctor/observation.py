@@ -10,7 +10,7 @@ from typing import Optional
 import numpy as np
 
 from puretf._causes.clocks import is_off
-from puretf._causes.facts import Facts, Frames, Heard, Publisher, Surroundings
+from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surroundings
 from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
@@ -164,15 +164,20 @@ class Observation:
         """What the rules of errors are asked with."""
         sent: dict[tuple[str, bool], dict[str, str]] = {
             key: {} for key in self.statistics.empty_names}
+        parents: dict[str, dict[str, Parent]] = {child: {} for child in self.by_child}
         for track in self.tracks:
             sent.setdefault((track.publisher, track.is_static), {})[
-                track.child] = self.parents[track.child]
+                track.child] = [*track.parents][-1]
+            parents[track.child].update({
+                name: Parent(name, track.publisher, track.is_static) for name in track.parents})
         heard = [Heard(self.topics[is_static], '' if 'nodes' in self.not_known else publisher,
-                       [self.nodes.get(publisher, '')], parents)
-                 for (publisher, is_static), parents in sent.items()]
+                       [self.nodes.get(publisher, '')], edges)
+                 for (publisher, is_static), edges in sent.items()]
         return Facts('none', self.around._replace(
             topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
-            Frames([*self.tree_of], self.parents))
+            Frames([*self.tree_of], self.parents,
+                   [child for child, each in parents.items() if len(each) > 1],
+                   lambda child: [*parents[child].values()]))
 
     @property
     def stamp_clock(self) -> Optional[StampClock]:
@@ -188,25 +193,14 @@ class Observation:
             for each in self.message_times}
 
     @cached_property
-    def off_clock(self) -> dict[str, tuple[MessageTimes, int, Track]]:
-        """
-        By topic: the messages and the offset (ns) of their stamps, if it is of another clock.
-
-        They are compared with a frame that is in time, the third item.
-        """
-        timed = [track for track in self.tracks if track['delays'] and not (
-            track['foreign'] or track['late'] or track['future'] or track.stream.stall)]
-        if not timed:
+    def off_clock(self) -> dict[str, int]:
+        """By topic: the offset of its stamps (ns), if it is off, while a frame is in time."""
+        if not any(track.stream.is_in_time for track in self.tracks):
             return {}
-        in_time, found = max(timed, key=itemgetter('delays')), {}
-        for topic in self.message_times:
-            stream = self.topic_streams[topic.topic]
-            if topic.edges and stream.offset is not None:
-                offset = stream.offset + round(in_time.stream.mean_delay)
-                stamp = int(stream.stamps[-1])
-                if is_off(offset, stamp, stamp - offset):
-                    found[topic.topic] = topic, offset, in_time
-        return found
+        streams = [(topic.topic, self.topic_streams[topic.topic]) for topic in self.message_times
+                   if topic.edges]
+        return {topic: stream.offset for topic, stream in streams if stream.offset and is_off(
+            stream.offset, stream.latest, stream.latest - stream.offset)}
 
     def stream(self, child: str) -> Stream:
         """Return the dynamic transforms of a child, of all publishers."""

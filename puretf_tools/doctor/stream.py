@@ -1,6 +1,5 @@
 """What arrives again and again, as the transforms of a frame: its arrivals and stamps, judged."""
 
-from collections.abc import Iterable
 from functools import cached_property
 from math import nan
 from typing import NamedTuple, Optional
@@ -192,23 +191,3 @@ class Stream:
         unit = ('milliseconds' if largest < 1000 else 'microseconds' if largest < 1_000_000 else
                 '')
         return f'nanosec is never above {largest}{f", as {unit} are," if unit else ""}'
-
-
-def is_pause(paused: Stream, sources: Iterable[tuple[str, Stream]]) -> bool:
-    """
-    Return whether nothing of several nodes has arrived during the largest step of a stream.
-
-    :param sources: the streams, each with its node.
-    """
-    (begin, end), nodes = paused.arrivals_at_step, set[str]()
-    first, last = begin, end  # the last arrival before the pause, and the first one after it
-    for node, stream in sources:
-        i = int(stream.arrivals.searchsorted((begin + end) // 2))
-        if 0 < i < len(stream.arrivals):
-            first = max(first, int(stream.arrivals[i - 1]))
-            last = min(last, int(stream.arrivals[i]))
-            if end - begin > _PERIODS * stream.period:
-                nodes.add(node)
-    slack = max(SHORTEST_GAP, paused.period)
-    return len(nodes) > 1 and not paused.has_many_gaps and (
-        last - first >= _STALLED and max(first - begin, end - last) <= slack)

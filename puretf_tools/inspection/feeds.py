@@ -22,11 +22,6 @@ class Sender:
         if len(self.names) < _MOST_NAMES:
             self.names.update(names)
 
-    @property
-    def offset(self) -> int:
-        """The last stamp minus its time of arrival (ns)."""
-        return self.stamp - self.last
-
 
 class Senders(dict[str, Sender]):
     """The publishers of a topic, by their gids."""

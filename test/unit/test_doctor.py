@@ -104,13 +104,13 @@ FAULTS = {
         r'\(12\.5 Hz\)$'),
     'static_and_dynamic': (
         [*robot(), static('odom base_link')], ['base_link'],
-        r"^transforms of 'base_link': 100 on /tf(?: by /robot)?, 1 on /tf_static(?: by /fixed)?$"),
+        "^transforms of 'base_link': 100 on /tf, 1 on /tf_static$"),
     'loop': (
         [tf(i, 'c a', 'a b', 'b c') for i in range(100)], ['a', 'b', 'c'],
-        '^3 frames form a loop: '),
+        '^3 frames in a loop: '),
     'unnormalized': (
         with_pose(robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 1.002)), ['base_link'],
-        r'^1 of 100 transforms of base_link with .*; the worst norm is 1\.002 \(base_link\)$'),
+        r'^1 of 100 transforms of base_link with .*; the worst norm is 1\.002$'),
     'message_never': (
         [*robot(100), *(tf(i, 'base_link wheel') for i in range(400)), *scans(count=300)],
         ['laser'], r'^159 of 239 messages on /scan wait in vain: the data of the edge odom -> '
@@ -133,8 +133,6 @@ FAULTS = {
 }
 #: What is found, too, since it follows from the fault.
 ALSO = {'message_never': {'gap'}, 'time_goes_back': {'same_stamp'}}
-#: The remedies that are not those of `CHECKS`, since they have names.
-REMEDIES = {'static_and_dynamic': "Let only one of the two topics have 'base_link'."}
 #: By description: messages that come close to a fault, and where nothing is wrong.
 HEALTHY = {
     'jitter': robot(change=lambda i: {'stamp': at(i) + i % 3 * 9 * MS, 'delay': 30 * MS}),
@@ -266,7 +264,7 @@ def test_each_fault(capsys, tmp_path, code, kind):
     assert sorted(finding['frames']) == sorted(frames)
     assert re.search(evidence, finding['evidence'])
     assert finding['severity'] == CHECKS[code].severity
-    assert finding['remedy'] == REMEDIES.get(code, CHECKS[code].remedy)
+    assert finding['remedy'] == CHECKS[code].remedy
     if kind != 'bag':
         assert finding['nodes'] == []
     elif finding['topics'] and finding['topics'][0].startswith('/tf'):
@@ -576,7 +574,7 @@ def test_the_text(capsys, tmp_path):
         'error static_and_dynamic: base_link',
         "    transforms of 'base_link': 100 on /tf, 1 on /tf_static.",
         '    On /tf_static, /tf.',
-        f'    {REMEDIES["static_and_dynamic"]} More: tf_doctor --explain jump',
+        '    Let only one of the two topics have the frame. More: tf_doctor --explain jump',
         '',
         'not checked: no_clock, other_user, no_robot_state_publisher, silent_publisher, '
         'volatile_listener, incompatible_qos: a bag does not record the listeners',

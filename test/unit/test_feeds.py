@@ -108,14 +108,13 @@ def test_two_nodes_send_a_joint(robot):
     """Both are named, with the joint and the frame; its jumps are not reported beside it."""
     assert codes(JUMPS, **robot) == {'jump'}
     report = examine(observed(JUMPS, [], **robot, **joints(
-        sender('/driver', 'turn'), sender('/gui', 'grip', 'turn', ahead=-300_000),
+        sender('/driver', 'turn'), sender('/gui', 'grip', 'turn'),
         sender('/hand', 'tip'))))
     (finding,) = report.findings
     assert (finding.code, finding.nodes) == ('two_joint_publishers', ('/driver', '/gui'))
     assert (finding.frames, finding.topics) == (('odom',), ('/joint_states',))
     assert finding.evidence == (
-        '/driver (2 messages), /gui (2 messages) send turn on /joint_states; the stamps of /gui '
-        'are 300 s earlier')
+        '/driver (2 messages), /gui (2 messages) send turn on /joint_states')
 
 
 @pytest.mark.parametrize('senders', [
