@@ -265,8 +265,7 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
         tracks = [track for name in loop for track in observation.by_child[name]]
         names = [*loop[:SHOWN], *['...'] * (len(loop) > SHOWN), loop[0]]
         yield _Fault(f'{len(loop)} frame{"s" * (len(loop) > 1)} in a loop: '
-                     f'{" -> ".join(map(shortened, names))}', tracks,
-                     remedy='' if len(loop) > 1 else RULES['loop'].remedy)
+                     f'{" -> ".join(map(shortened, names))}', tracks)
 
 
 @_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
@@ -507,8 +506,8 @@ def _nanosec(observation: Observation) -> Iterator[_Fault]:
     for topic in observation.message_times:
         largest = observation.headers[topic.topic].nanosec
         found.append((f'nanosec is up to {largest}' if largest >= SECOND else
-                      observation.topic_streams[topic.topic].odd_nanoseconds, topic.frames,
-                      topic.topic, observation.senders.get(topic.topic, ())))
+                      topic.stream.odd_nanoseconds, topic.frames, topic.topic,
+                      observation.senders.get(topic.topic, ())))
     for text, frames, name, nodes in found:
         if text:
             yield _Fault(f'{text} in stamps of {_names(frames)}', (), frames, [name], nodes)
@@ -521,13 +520,10 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(itemgetter('stall')):
         stalls = [each for track in tracks if (each := track.stream.stall)]
         stamps = sorted({each.stamp for each in stalls})
-        children = [track.child for track in tracks]
-        is_all = all(track.stream.is_frozen for track in tracks)
-        duration = '' if is_all else f', for {in_words(max(each.span for each in stalls))}'
         yield _Fault(
-            f'{"all " * is_all}{sum(each.number for each in stalls)} transforms of '
-            f'{_names(children)} have the stamp{"s" * (len(stamps) > 1)} '
-            f'{comma_list([*map(exact_time, stamps)])}{duration}', tracks,
+            f'{_share(tracks, "stalled")} with a stamp that stands, at '
+            f'{comma_list([*map(exact_time, stamps)])} for '
+            f'{in_words(max(each.span for each in stalls))}', tracks,
             severity='' if any(each.is_last for each in stalls) else WARNING)
 
 
@@ -545,22 +541,21 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find messages whose stamps are of another clock than those of the transforms."""
     newest = max((track['latest'] for track in observation.tracks), default=0)
-    for topic, found in _found(observation, Verdict.OTHER_CLOCK):
-        stamp = int(topic.stamps[found][-1])
+    offsets, senders = observation.off_clock, observation.senders
+    found = [(topic, is_found, int(topic.stamps[is_found][-1]) - newest, 'the newest transform')
+             for topic, is_found in _found(observation, Verdict.OTHER_CLOCK)]
+    found += [(topic, topic.stamps != 0, offset, 'the arrival; frames are in time')
+              for topic in observation.message_times if (offset := offsets.get(topic.topic, 0))
+              # If the frame of the same node is off, too: see other_clock.
+              and not (offset > CACHE_TIME and any(
+                  observation.node_of(track) in senders.get(topic.topic, ())
+                  and abs((track.stream.offset or 0) - offset) < SECOND
+                  for track in observation.tracks))]
+    for topic, is_found, offset, what in found:
+        stamp = int(topic.stamps[is_found][-1])
         yield _of_messages(
-            observation, [(topic, found)], 'have stamps of another clock; the last is '
-            f'{exact_time(stamp)}, {apart(stamp - newest, stamp)} the newest transform',
+            observation, [(topic, is_found)], f'have stamps {apart(offset, stamp)} {what}',
             _clock_remedy(observation, stamp))
-    for topic in observation.message_times:
-        offset, senders = observation.off_clock.get(topic.topic), observation.senders
-        # If the frame of the same node is off, too: see other_clock.
-        if offset and not (offset > CACHE_TIME and any(
-                observation.node_of(track) in senders.get(topic.topic, ())
-                and abs((track.stream.offset or 0) - offset) < SECOND
-                for track in observation.tracks)):
-            yield _of_messages(observation, [(topic, topic.stamps != 0)], 'have stamps '
-                               f'{apart(offset, int(topic.stamps[-1]))} the arrival; frames are '
-                               'in time')
 
 
 @_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
@@ -568,7 +563,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive when a cache of 10 s has dropped their transforms."""
     for topic, found in _found(observation, Verdict.TOO_OLD):
-        cache, stream = int(topic.waits[found].max()), observation.topic_streams[topic.topic]
+        cache, stream = int(topic.waits[found].max()), topic.stream
         # The transforms are ahead, or of another clock: see future, and other_clock.
         if (stream.delays and -FUTURE <= stream.greatest_delay < cache / 2) or (
                 cache > LONGEST_CACHE and any(track['foreign'] for track in observation.tracks)):
@@ -596,7 +591,7 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
             observation, topics, f'wait in vain: the data of the edge '
             f'{_edge_text(observation, edge)} {reason}', _start_again(node) or (
                 'Correct the clock that stamps the messages.'
-                if 0 < last - edge.end < 2 * _lead(observation, topics) else ''),
+                if 0 < last - edge.end < 2 * _lead(topics) else ''),
             edge.child)._replace(time=int(edge.end))
 
 
@@ -640,7 +635,7 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
     number = sum(topic.number_of(topic.verdicts[found].min()) for topic, found in topics)
     sample = (f' (sampled from {sum(topic.messages for topic, _ in topics)})'
               if any(topic.step > 1 for topic, _ in topics) else '')
-    ahead = _lead(observation, topics) if child else 0
+    ahead = _lead(topics) if child else 0
     clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
     return _Fault(
         f'{count} of {number} messages{sample} on {_names(names)} {what}{clock}', (),
@@ -650,9 +645,9 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
          *map(observation.node_of, observation.dynamic_tracks(child))], remedy)
 
 
-def _lead(observation: Observation, topics: _Messages) -> int:
+def _lead(topics: _Messages) -> int:
     """Return by how much stamps of messages are later than their arrivals (ns); 0: not."""
-    ahead = max(-observation.topic_streams[topic.topic].least_delay for topic, _ in topics)
+    ahead = max(-topic.stream.least_delay for topic, _ in topics)
     return ahead if ahead > FUTURE else 0
 
 
@@ -723,11 +718,9 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
         nodes = observation.around.clock_nodes or ()
-        stamps = [each.stamp for each in observation.clocks]
-        what = (f'the time on /clock of {_names(nodes)} has stood at {exact_time(stamps[-1])} s'
-                if stamps else f'nothing has arrived on /clock from {_names(nodes)}')
-        yield _Fault(
-            f'{what} for {observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
+        last = ''.join(f' at {exact_time(each.stamp)} s' for each in observation.clocks[-1:])
+        yield _Fault(f'the time on /clock of {_names(nodes)} has stood{last} for '
+                     f'{observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
 
 
 @_check(*_same('use_sim_time_differs'), severity=WARNING,
@@ -790,8 +783,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(
             f'nothing has arrived on any topic for {in_words(length)} after '
             f'{exact_time(before)}', paused, severity=INFO, time=before,
-            remedy='If the recording was not paused, look at the computer that has recorded.'
-            if observation.has_record_times else 'Look at this computer.')
+            remedy='If the recording was not paused, look at the computer that listens.')
     ended = {track for track in observation.newest.values()
              if track.stream.steps >= FEWEST and track['last_time'] and (
                  observation.until - track['last_time'] > max(
@@ -817,8 +809,8 @@ def _is_pause(observation: Observation, paused: Stream) -> bool:
     for node, stream in chain(
             ((observation.node_of(each) or f'{id(each.stream)}', each.stream)
              for each in observation.tracks),
-            ((node, stream) for topic, stream in observation.topic_streams.items()
-             for node in observation.senders.get(topic) or [topic])):
+            ((node, topic.stream) for topic in observation.message_times
+             for node in observation.senders.get(topic.topic) or [topic.topic])):
         first, after = stream.arrivals.searchsorted([begin + slack, end - slack]).tolist()
         if first < after:
             return False
@@ -854,7 +846,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
     for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         largest = max(topic.quantiles()[-1] for topic, _ in topics)
-        instead = ('correct the clock that stamps the messages' if _lead(observation, topics) else
+        instead = ('correct the clock that stamps the messages' if _lead(topics) else
                    'make the publisher send the transforms sooner, or more often')
         yield _of_messages(
             observation, topics, 'can be transformed only after waiting for the edge '
@@ -943,7 +935,8 @@ def _off_by_many(observation: Observation, tracks: Sequence[Track], field: str, 
                  remedy: str) -> _Fault:
     """Return a fault of many delays: of the clock of the arrivals, if all messages have them."""
     text = _off_text(tracks, field, extreme)
-    delays = [each.mean_delay for each in observation.topic_streams.values() if each.delays]
+    delays = [topic.stream.mean_delay for topic in observation.message_times
+              if topic.stream.delays]
     if not delays or _in_time(observation) or not np.ptp(
             delays + [track.stream.mean_delay for track in tracks]) <= LATE:
         return _Fault(text, tracks, remedy=remedy)
@@ -968,7 +961,7 @@ def _in_time(observation: Observation) -> str:
     """Return what arrives at the time of its stamps: frames, or other messages; '': nothing."""
     return (_FRAMES if any(track.stream.is_in_time for track in observation.tracks) else
             'other messages' if any(
-                each.is_in_time for each in observation.topic_streams.values()) else '')
+                topic.stream.is_in_time for topic in observation.message_times) else '')
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
@@ -1052,14 +1045,12 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
         known = observation.parents.keys() | ({start + robot.root} & observation.tree_of.keys())
         missing = [link for link in robot.links
                    if link not in silent and start + link not in known]
-        for found, remedy in (
-                ([link for link in missing if link not in robot.floating], ''),
-                ([link for link in missing if link in robot.floating],
-                 'Publish it: robot_state_publisher does not send floating or planar joints.')):
-            frames = [start + link for link in found]
-            if frames:
-                yield _Fault(f'{len(frames)} of {len(robot.links)} links have no transform: '
-                             f'{_names(frames)}', (), frames, [robot.topic], remedy=remedy)
+        frames = [start + link for link in missing]
+        if frames:
+            yield _Fault(
+                f'{len(frames)} of {len(robot.links)} links have no transform: {_names(frames)}',
+                (), frames, [robot.topic], remedy='Publish it: robot_state_publisher does not '
+                'send floating or planar joints.' if {*missing} <= {*robot.floating} else '')
 
 
 # Infos

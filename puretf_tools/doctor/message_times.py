@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from puretf._causes.facts import OTHER_CLOCK
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Headers
+from puretf_tools.doctor.stream import Stream
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST
 
@@ -78,6 +79,7 @@ class MessageTimes(NamedTuple):
     frame_numbers: _Array  #: (n,) indices of `frames`
     arrivals: _Array  #: (n,) ns
     stamps: _Array  #: (n,) ns
+    stream: Stream  #: all but those with the stamp 0
     verdicts: _Array  #: (n,) `Verdict`
     #: (n,) from the arrival until it can be transformed, a large time if that is never; if it is
     #: too old: how long a listener would have to keep transforms (ns)
@@ -131,88 +133,75 @@ class MessageTimes(NamedTuple):
                 'queue': self.queue()}
 
 
-class Judge:
-    """Judges the messages of topics."""
+def judge(topic: str, headers: Headers,
+          edges_above: Callable[[str], Optional[Sequence[Edge]]], span: tuple[int, int],
+          clock: Optional[StampClock]) -> MessageTimes:
+    """
+    Judge the messages of a topic.
 
-    def __init__(self, edges_above: Callable[[str], Optional[Sequence[Edge]]],
-                 spans: Iterable[tuple[int, int]], begin: int, end: int,
-                 clock: Optional[StampClock]) -> None:
-        """
-        Set what all messages have in common.
+    :param edges_above: returns the dynamic edges from a frame to its root; None: the frame is in
+        no tree.
+    :param span: the begin and the end of the observation (ns), on the clock of the arrivals.
+    :param clock: that of the stamps; None: it is not known.
+    """
+    order = np.argsort(headers.arrivals, kind='stable')
+    arrivals, stamps, numbers = (
+        np.array(each, np.int64)[order].clip(-LATEST, LATEST)
+        for each in (headers.arrivals, headers.stamps, headers.frame_numbers))
+    times = clock.at(arrivals) if clock else None
+    verdicts, waits, edge_numbers = (np.zeros_like(stamps) for _ in range(3))
+    all_edges: list[Edge] = []
+    for number, frame in enumerate(headers.frames):
+        edges = edges_above(frame)
+        if edges is not None:
+            at = numbers == number
+            # Of several edges that end too early, the first to end is named.
+            edges = sorted(edges, key=attrgetter('end'))
+            verdicts[at], waits[at], slowest = _verdicts(
+                stamps[at], arrivals[at], None if times is None else times[at], edges, span)
+            edge_numbers[at] = slowest + len(all_edges)
+            all_edges += edges
+    return MessageTimes(
+        topic, headers.count, headers.step, [*headers.frames], numbers, arrivals, stamps,
+        Stream(arrivals, stamps, times), verdicts, waits, edge_numbers, all_edges)
 
-        :param edges_above: returns the dynamic edges from a frame to its root; None: the frame is
-            in no tree.
-        :param spans: the oldest and the newest stamp (ns) of the transforms of each frame.
-        :param begin: the beginning of the observation (ns), on the clock of the arrivals.
-        :param end: its end.
-        :param clock: that of the stamps; None: it is not known.
-        """
-        self._edges_above, self._begin, self._end, self._clock = edges_above, begin, end, clock
-        spans = sorted(spans)
-        self._oldest = np.array([oldest for oldest, _ in spans], np.int64)
-        # (n + 1,) of no frames, the first one, the first two, ..., the newest stamp
-        self._newest = np.maximum.accumulate([_ALWAYS, *(newest for _, newest in spans)])
 
-    def judge(self, topic: str, headers: Headers) -> MessageTimes:
-        """Judge the messages of a topic."""
-        order = np.argsort(headers.arrivals, kind='stable')
-        arrivals, stamps, numbers = (
-            np.array(each, np.int64)[order].clip(-LATEST, LATEST)
-            for each in (headers.arrivals, headers.stamps, headers.frame_numbers))
-        verdicts, waits, edge_numbers = (np.zeros_like(stamps) for _ in range(3))
-        all_edges: list[Edge] = []
-        for number, frame in enumerate(headers.frames):
-            edges = self._edges_above(frame)
-            if edges is not None:
-                at = numbers == number
-                # Of several edges that end too early, the first to end is named.
-                edges = sorted(edges, key=attrgetter('end'))
-                verdicts[at], waits[at], slowest = self._judge(stamps[at], arrivals[at], edges)
-                edge_numbers[at] = slowest + len(all_edges)
-                all_edges += edges
-        return MessageTimes(topic, headers.count, headers.step, [*headers.frames], numbers,
-                            arrivals, stamps, verdicts, waits, edge_numbers, all_edges)
+def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: Sequence[Edge],
+              span: tuple[int, int]) -> tuple[_Array, _Array, _Array]:
+    """
+    Judge the messages of one frame.
 
-    def _judge(self, stamps: _Array, arrivals: _Array, edges: Sequence[Edge]
-               ) -> tuple[_Array, _Array, _Array]:
-        """
-        Judge the messages of one frame.
-
-        :param edges: the dynamic edges from the frame to the root.
-        :returns: verdicts, waits as in `MessageTimes`, and the index of the edge that was waited
-            for.
-        """
-        ready, slowest = arrivals.copy(), np.zeros_like(stamps)
-        has_begun = np.ones(len(stamps), np.bool_)
-        for i, edge in enumerate(edges):
-            reached = edge.reaches(stamps)
-            slowest[reached > ready] = i
-            ready = np.maximum(ready, reached)
-            has_begun &= (arrivals >= edge.arrivals[0]) & (stamps >= edge.begin)
-        needed_cache = _needed_cache(edges, stamps, arrivals)
-        is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE_TIME)
-        is_far = self._is_far(stamps, arrivals) & bool(edges)
-        # What was latched long before is received at the beginning.
-        is_latched = is_far & (arrivals < self._begin + _LAST) & (
-            stamps < self._oldest.min(initial=_NEVER))
-        verdicts = np.select(
-            [stamps == 0, is_latched, is_far, ~has_begun, needed_cache > CACHE_TIME,
-             ready <= arrivals, is_reached],
-            [Verdict.ZERO_STAMP, Verdict.NOT_JUDGED, Verdict.OTHER_CLOCK, Verdict.NOT_JUDGED,
-             Verdict.TOO_OLD, Verdict.AT_ONCE, Verdict.WAITS], Verdict.NEVER)
-        usual = (ready - arrivals)[np.isin(verdicts, (Verdict.AT_ONCE, Verdict.WAITS))]
-        patience = max(_LAST, _WAITS * float(np.median(usual)) if len(usual) else 0.0)
-        may_come = (verdicts == Verdict.NEVER) & (self._end - arrivals < patience)
-        waits = np.where(verdicts == Verdict.TOO_OLD, needed_cache, ready - arrivals)
-        return np.where(may_come, Verdict.NOT_JUDGED, verdicts), waits, slowest
-
-    def _is_far(self, stamps: _Array, arrivals: _Array) -> NDArray[np.bool_]:
-        """Return whether stamps are far from those of all transforms, and from the present."""
-        last = self._oldest.searchsorted(stamps + OTHER_CLOCK, 'right')
-        is_far = np.asarray(self._newest[last] < stamps - OTHER_CLOCK)
-        if self._clock and (times := self._clock.at(arrivals)) is not None:
-            is_far &= np.abs(times - stamps) > OTHER_CLOCK
-        return is_far
+    :param times: the arrivals on the clock of the stamps (ns); None: not known.
+    :param edges: the dynamic edges from the frame to the root.
+    :returns: verdicts, waits as in `MessageTimes`, and the index of the edge that was waited for.
+    """
+    ready, slowest = arrivals.copy(), np.zeros_like(stamps)
+    for i, edge in enumerate(edges):
+        reached = edge.reaches(stamps)
+        slowest[reached > ready] = i
+        ready = np.maximum(ready, reached)
+    first = max((edge.begin for edge in edges), default=_ALWAYS)
+    is_early = arrivals < max((edge.arrivals[0] for edge in edges), default=_ALWAYS)
+    needed_cache = _needed_cache(edges, stamps, arrivals)
+    is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE_TIME)
+    # They are far from all transforms, and from the present.
+    is_far = np.full(len(stamps), bool(edges))
+    for edge in edges:
+        is_far &= (stamps < edge.begin - OTHER_CLOCK) | (stamps > edge.end + OTHER_CLOCK)
+    if times is not None:
+        is_far &= np.abs(times - stamps) > OTHER_CLOCK
+    # What was latched long before is received at the beginning.
+    is_latched = (arrivals < span[0] + _LAST) & (stamps < first)
+    verdicts = np.select(
+        [stamps == 0, is_early | (is_far & is_latched), is_far, stamps < first,
+         needed_cache > CACHE_TIME, ready <= arrivals, is_reached],
+        [Verdict.ZERO_STAMP, Verdict.NOT_JUDGED, Verdict.OTHER_CLOCK, Verdict.NOT_JUDGED,
+         Verdict.TOO_OLD, Verdict.AT_ONCE, Verdict.WAITS], Verdict.NEVER)
+    usual = (ready - arrivals)[np.isin(verdicts, (Verdict.AT_ONCE, Verdict.WAITS))]
+    patience = max(_LAST, _WAITS * float(np.median(usual)) if len(usual) else 0.0)
+    may_come = (verdicts == Verdict.NEVER) & (span[1] - arrivals < patience)
+    waits = np.where(verdicts == Verdict.TOO_OLD, needed_cache, ready - arrivals)
+    return np.where(may_come, Verdict.NOT_JUDGED, verdicts), waits, slowest
 
 
 def _needed_cache(edges: Iterable[Edge], stamps: _Array, times: _Array) -> _Array:

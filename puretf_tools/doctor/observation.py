@@ -14,7 +14,7 @@ from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surrou
 from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
-from puretf_tools.doctor.message_times import Edge, Judge, MessageTimes
+from puretf_tools.doctor.message_times import Edge, judge, MessageTimes
 from puretf_tools.doctor.stream import Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
@@ -185,20 +185,11 @@ class Observation:
         return None if 'arrivals' in self.not_known else self.statistics.clock
 
     @cached_property
-    def topic_streams(self) -> dict[str, Stream]:
-        """By topic with headers: when its messages have arrived, and their stamps."""
-        return {each.topic: Stream(
-            each.arrivals, each.stamps,
-            self.stamp_clock.at(each.arrivals) if self.stamp_clock else None)
-            for each in self.message_times}
-
-    @cached_property
     def off_clock(self) -> dict[str, int]:
         """By topic: the offset of its stamps (ns), if it is off, while a frame is in time."""
         if not any(track.stream.is_in_time for track in self.tracks):
             return {}
-        streams = [(topic.topic, self.topic_streams[topic.topic]) for topic in self.message_times
-                   if topic.edges]
+        streams = [(topic.topic, topic.stream) for topic in self.message_times if topic.edges]
         return {topic: stream.offset for topic, stream in streams if stream.offset and is_off(
             stream.offset, stream.latest, stream.latest - stream.offset)}
 
@@ -221,16 +212,14 @@ class Observation:
     @cached_property
     def message_times(self) -> list[MessageTimes]:
         """From when on the messages with `own_headers` can be transformed at their stamps."""
-        if not self.own_headers:
-            return []
-        arrivals = np.concatenate([
-            *(times for _, times in self.statistics.sources()),
-            *(np.array(each.arrivals, np.int64) for each in self.own_headers.values())])
-        judge = Judge(
-            self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
-                                if track['latest'] and not track.is_static],
-            int(arrivals.min(initial=2**63 - 1)), int(arrivals.max(initial=0)), self.stamp_clock)
-        return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
+        arrivals = [each for each in (
+            *(track.stream.arrivals for track in self.tracks),
+            *(np.array(each.arrivals, np.int64) for each in self.own_headers.values()))
+            if len(each)]
+        begin = min((int(each.min()) for each in arrivals), default=0)
+        end = max((int(each.max()) for each in arrivals), default=0)
+        return [judge(topic, headers, self._edges_above, (begin, end), self.stamp_clock)
+                for topic, headers in sorted(self.own_headers.items())]
 
     def dynamic_tracks(self, child: str) -> list[Track]:
         """Return the tracks of a child on /tf."""

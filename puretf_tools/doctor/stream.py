@@ -36,7 +36,6 @@ _Array = NDArray[np.int64]
 class Stall(NamedTuple):
     """Messages, one after another, that have the same stamp."""
 
-    number: int  #: how many
     stamp: int  #: ns
     span: int  #: from the arrival of the first to that of the last one (ns)
     total: int  #: the number of all such messages, also with other stamps
@@ -164,7 +163,7 @@ class Stream:
         if not has_stalled.any():
             return None
         i = int(np.where(has_stalled, spans, 0).argmax())
-        return Stall(int(numbers[i]), int(self.stamps[begins[i]]), int(spans[i]),
+        return Stall(int(self.stamps[begins[i]]), int(spans[i]),
                      int(numbers[has_stalled].sum()), bool(has_stalled[-1]))
 
     @property

@@ -6,7 +6,7 @@ Of each message, only its time of arrival and its stamps are kept (16 bytes, if 
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Optional
 
 import numpy as np
@@ -137,11 +137,6 @@ class Statistics(Counts):
         for track in self._tracks:
             names.setdefault(track.child, {})[nodes.get(track.publisher, track.publisher)] = None
         return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
-
-    def sources(self) -> Iterator[tuple[list[Track], NDArray[np.int64]]]:
-        """Yield the dynamic tracks whose transforms arrive together, and when they arrive (ns)."""
-        for key, (times, _) in self._arrivals.items():
-            yield [self._tracks[number] for number in key], np.array(times)
 
     def stream(self, tracks: Iterable[Track]) -> Stream:
         """Return that of dynamic tracks; the same one for tracks that arrive together."""
