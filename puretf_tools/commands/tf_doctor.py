@@ -25,13 +25,13 @@ from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
-from puretf_tools.doctor.observation import BagObserver, in_words, Observation
+from puretf_tools.doctor.observation import BagObserver, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.stream import FUTURE
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.bag_times import both, span_of, why_outside
-from puretf_tools.inspection.gaps import holes_at
+from puretf_tools.inspection.gaps import holes_at, in_words
 from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING

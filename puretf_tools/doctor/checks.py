@@ -20,12 +20,13 @@ from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened, SHOWN
 from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import CACHE_TIME, exact_time
-from puretf_tools.doctor.message_times import Edge, LONG_WAIT, MessageTimes, Verdict
-from puretf_tools.doctor.observation import in_words, Observation, total
-from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Stream
+from puretf_tools.doctor.message_times import LONG_WAIT, MessageTimes, Verdict
+from puretf_tools.doctor.observation import is_in_time, Observation, total
+from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.gaps import in_words
 from puretf_tools.inspection.robots import joint_states_of
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
@@ -133,10 +134,6 @@ def _names(names: Iterable[str]) -> str:
     return comma_list([*names], shortened)
 
 
-def _hertz(track: Track) -> str:
-    return 'once' if track.rate is None else f'{track.rate:.1f} Hz'
-
-
 # Errors
 
 
@@ -183,9 +180,8 @@ def _two_publishers(observation: Observation) -> Iterator[_Fault]:
     for group in pairs.values():
         a, b = group[0]
         names = [observation.node_of(track) or 'a publisher' for track in (a, b)]
-        what = (f'transforms that differ by {max(_distance(*pair) for pair in group):.3g} '
-                '(m plus rad)' if a.is_static else
-                f'{a["count"]} transforms ({_hertz(a)}) and {b["count"]} ({_hertz(b)})')
+        what = (f'they differ by {max(_distance(*pair) for pair in group):.3g} (m plus rad)'
+                if a.is_static else f'{a["count"]} and {b["count"]} transforms')
         children = [a.child for a, _ in group]
         yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {what}',
                      [a, b], children)
@@ -255,8 +251,7 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(f'transforms of {quoted(child)}: {", ".join(texts)}', tracks)
 
 
-@_check('loop', 'Remove one of the transforms: the frame at the top, such as map, must have no '
-        'parent.', 'other')
+@_check('loop', 'Remove one of them: the frame at the top, such as map, has no parent.', 'other')
 def _loop(observation: Observation) -> Iterator[_Fault]:
     """Find frames that are parents of each other in a circle; lookups through them fail."""
     forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
@@ -273,13 +268,11 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
-    static = '' if any(track.is_static for track in observation.tracks) else (
-        f' (there are no transforms on {observation.topics[1]})')
     for frame, topics in observation.topics_of.items():
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
             is_no_place = _is_no_place(observation, frame)
             yield _Fault(f'{quoted(frame)} is in the headers on {_names(topics)}, but not among '
-                         f'the {len(known)} frames of the transforms{static}. '
+                         f'the {len(known)} frames of the transforms. '
                          f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
                          remedy='This is right if it is no place, as that of a joystick; '
                          'otherwise, publish a transform to it.' if is_no_place else
@@ -304,12 +297,10 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
         return
     for robot, start in observation.own_robots:
         topic = joint_states_of(robot.topic)
-        others = [] if robot.states else [
-            each for each in robot.elsewhere
-            if each not in map(joint_states_of, (other.topic for other in observation.robots))]
+        others = [] if robot.states else [each for each in robot.elsewhere if each not in {
+            joint_states_of(other.topic) for other in observation.robots}]
         known = (f'which names {_names(sorted(robot.states))}' if robot.states else
-                 'where nothing was received') + (
-                     f'; joint states are on {_names(others)}' if others else '')
+                 f'but on {_names(others)}' if others else 'where nothing was received')
         silent: dict[str, list[str]] = {}  # by the reason why its states are ignored
         for joint, links in robot.joints.items():
             # The name of a link can be known without a transform to it, from a child of the link.
@@ -376,14 +367,12 @@ def _not_a_number(observation: Observation) -> Iterator[_Fault]:
     yield from _counted(observation, 'invalid', 'with NaN or an infinite number')
 
 
-@_check('unnormalized', 'Normalise the quaternion before it is sent; all zeros often mean that it '
-        'was never set: set w = 1.', 'other')
+@_check('unnormalized', 'Normalise it; if it was never set, set w = 1.', 'other')
 def _unnormalized(observation: Observation) -> Iterator[_Fault]:
     """Find quaternions whose norm is not 1 (within 0.001), so that they are no rotations."""
     for tracks in observation.by_publisher(itemgetter('unnormalized')):
-        worst = max((track['worst_norm'] for track in tracks), key=lambda norm: abs(norm - 1.0))
-        yield _Fault(f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
-                     f'worst norm is {worst:.6g}', tracks)
+        yield _Fault(f'{_share(tracks, "unnormalized")} with a quaternion whose norm differs from '
+                     f'1 by up to {max(track["norm_error"] for track in tracks):.3g}', tracks)
 
 
 def _counted(observation: Observation, field: str, what: str,
@@ -420,22 +409,17 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
             f'{_off_text(tracks, "foreign", "least_delay", "greatest_delay")}; the last stamp is '
             f'{exact_time(tracks[-1]["stamp"])}', tracks,
             remedy=_clock_remedy(observation, tracks[-1]['stamp'], tracks))
-    if others := _in_time(observation):
+    if is_in_time([*observation.tracks, *observation.message_times]):
         for tracks in observation.by_publisher(
-                lambda track: track not in stepped and _off_by(track)):
-            offset = apart(_off_by(tracks[0]), tracks[0]['stamp'])
-            yield _Fault(f'the stamps of {_names(map(_child_of, tracks))} are {offset} the '
-                         f'arrival; {others} are in time', tracks,
-                         remedy=_by_dates(observation, tracks))
+                lambda track: track not in stepped and _is_off(track)):
+            yield _Fault(f'{_off_text(tracks, "delays", "least_delay", "greatest_delay")}; others '
+                         'are in time', tracks, remedy=_by_dates(observation, tracks))
 
 
-def _off_by(track: Track) -> int:
-    """Return the offset of the stamps (ns), if it is known, or longer than a cache; else 0."""
-    stream = track.stream
-    if not stream.foreign and stream.mean_delay < -CACHE_TIME:
-        return round(-stream.mean_delay)
-    offset = stream.offset or 0
-    return offset if -OTHER_CLOCK <= offset < -LATE and known_offset(offset) else 0
+def _is_off(track: Track) -> bool:
+    """Return whether the offset of the stamps is known, or longer than a cache."""
+    offset = 0 if track['foreign'] else track.stream.offset or 0
+    return offset > CACHE_TIME or (offset < -LATE and bool(known_offset(offset)))
 
 
 def _step_text(tracks: Sequence[Track]) -> str:
@@ -464,15 +448,9 @@ def _play(observation: Observation, tracks: Iterable[Track]) -> str:
     return PLAY if any(PLAYER in observation.node_of(track) for track in tracks) else ''
 
 
-def _ahead_of(observation: Observation, tracks: Iterable[Track]) -> Optional[int]:
-    """Return by how much the computer of a publisher is ahead (ns); None: not known."""
-    return next((observation.ahead[track.publisher] for track in tracks
-                 if track.publisher in observation.ahead), None)
-
-
 def _by_dates(observation: Observation, tracks: Iterable[Track]) -> str:
     """Return what to do about stamps, by the dates of their messages; '': not known."""
-    ahead = _ahead_of(observation, tracks)
+    ahead = next((observation.ahead.get(track.publisher) for track in tracks), None)
     if ahead is None:
         return ''
     if abs(ahead) <= FUTURE:
@@ -520,15 +498,13 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(itemgetter('stall')):
         stalls = [each for track in tracks if (each := track.stream.stall)]
         stamps = sorted({each.stamp for each in stalls})
-        yield _Fault(
-            f'{_share(tracks, "stalled")} with a stamp that stands, at '
-            f'{comma_list([*map(exact_time, stamps)])} for '
-            f'{in_words(max(each.span for each in stalls))}', tracks,
-            severity='' if any(each.is_last for each in stalls) else WARNING)
+        yield _Fault(f'{_share(tracks, "stalled")} with a stamp that stands, at '
+                     f'{comma_list([*map(exact_time, stamps)])} for '
+                     f'{in_words(max(each.span for each in stalls))}', tracks,
+                     severity='' if any(each.is_last for each in stalls) else WARNING)
 
 
-@_check('zero_stamp', 'Set the stamp to the time for which the transform is valid; with '
-        'use_sim_time, wait until /clock is received.', 'clock')
+@_check(*_same('zero_stamp'))
 def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find transforms on /tf with the stamp 0; lookups at any other time fail."""
     # Each run of a simulation may begin with a single stamp 0.
@@ -541,16 +517,11 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find messages whose stamps are of another clock than those of the transforms."""
     newest = max((track['latest'] for track in observation.tracks), default=0)
-    offsets, senders = observation.off_clock, observation.senders
     found = [(topic, is_found, int(topic.stamps[is_found][-1]) - newest, 'the newest transform')
              for topic, is_found in _found(observation, Verdict.OTHER_CLOCK)]
-    found += [(topic, topic.stamps != 0, offset, 'the arrival; frames are in time')
-              for topic in observation.message_times if (offset := offsets.get(topic.topic, 0))
-              # If the frame of the same node is off, too: see other_clock.
-              and not (offset > CACHE_TIME and any(
-                  observation.node_of(track) in senders.get(topic.topic, ())
-                  and abs((track.stream.offset or 0) - offset) < SECOND
-                  for track in observation.tracks))]
+    off = observation.off_clock
+    found += [(topic, topic.stamps != 0, off[topic.topic], 'the arrival; frames are in time')
+              for topic in observation.message_times if topic.topic in off]
     for topic, is_found, offset, what in found:
         stamp = int(topic.stamps[is_found][-1])
         yield _of_messages(
@@ -577,22 +548,17 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its clock '
-        'slow, or does it send so rarely that --time must be longer?', 'full_queue',
-        needs=('headers',))
+        'slow, or must --time be longer?', 'full_queue', needs=('headers',))
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     """Find messages that wait in vain: the transforms never reach their stamps."""
-    for edge, topics in _by_edge(observation, Verdict.NEVER):
-        last = max(int(topic.stamps.max()) for topic, _ in topics)
-        reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
-                  if edge.end < last else
-                  'arrive when those of other edges are not kept any more')
-        node = _ended_node(observation, observation.newest[edge.child])
+    for edge, child, topics in _by_edge(observation, Verdict.NEVER):
+        late = max(int(topic.stamps.max()) for topic, _ in topics) - edge.end
+        node = _ended_node(observation, observation.newest[child])
         yield _of_messages(
-            observation, topics, f'wait in vain: the data of the edge '
-            f'{_edge_text(observation, edge)} {reason}', _start_again(node) or (
+            observation, topics, f'wait in vain for the edge {_edge_text(observation, child)}, '
+            f'whose data end at {exact_time(edge.end)}', _start_again(node) or (
                 'Correct the clock that stamps the messages.'
-                if 0 < last - edge.end < 2 * _lead(topics) else ''),
-            edge.child)._replace(time=int(edge.end))
+                if 0 < late < 2 * _lead(topics) else ''), child)._replace(time=edge.end)
 
 
 #: Topics, and which of their messages were found.
@@ -616,13 +582,13 @@ def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
 
 
 def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
-             ) -> Iterable[tuple[Edge, _Messages]]:
-    """Group what `_found` yields by the edge for which most of the messages wait."""
-    groups: dict[str, tuple[Edge, _Messages]] = {}
+             ) -> Iterable[tuple[Edge, str, _Messages]]:
+    """Group what `_found` yields by the edge, and its child, for which most messages wait."""
+    groups: dict[str, tuple[Edge, str, _Messages]] = {}
     for topic, found in _found(observation, verdict, least_wait):
         number = np.bincount(topic.edge_numbers[found], topic.waits[found] + 1).argmax()
-        edge = topic.edges[number]
-        groups.setdefault(edge.child, (edge, []))[1].append(
+        edge, child = topic.edges[number]
+        groups.setdefault(child, (edge, child, []))[-1].append(
             (topic, found & (topic.edge_numbers == number)))
     return groups.values()
 
@@ -633,8 +599,7 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
     names = [topic.topic for topic, _ in topics]
     count = sum(int(found.sum()) for _, found in topics)
     number = sum(topic.number_of(topic.verdicts[found].min()) for topic, found in topics)
-    sample = (f' (sampled from {sum(topic.messages for topic, _ in topics)})'
-              if any(topic.step > 1 for topic, _ in topics) else '')
+    sample = ' of a sample' if any(topic.step > 1 for topic, _ in topics) else ''
     ahead = _lead(topics) if child else 0
     clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
     return _Fault(
@@ -651,9 +616,9 @@ def _lead(topics: _Messages) -> int:
     return ahead if ahead > FUTURE else 0
 
 
-def _edge_text(observation: Observation, edge: Edge) -> str:
-    node = observation.node_of(observation.newest[edge.child])
-    return (f'{shortened(observation.parents[edge.child])} -> {shortened(edge.child)}'
+def _edge_text(observation: Observation, child: str) -> str:
+    node = observation.node_of(observation.newest[child])
+    return (f'{shortened(observation.parents[child])} -> {shortened(child)}'
             f'{f" of {node}" if node else ""}')
 
 
@@ -674,34 +639,24 @@ def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
     for topic, all_senders in observation.joint_senders.items():
         if not observation.is_own(topic):
             continue
+        readers = observation.joint_readers.get(topic, ())
         groups: dict[tuple[Sender, ...], list[str]] = {}
+        frames = [track.child for track in observation.tracks
+                  if not track.is_static and observation.node_of(track) in readers]
         for name in sorted({name for sender in all_senders for name in sender.names}):
             if senders := rivals([each for each in all_senders if name in each.names]):
                 groups.setdefault((*senders,), []).append(name)
         for found, joints in groups.items():
-            frames = _frames_of_joints(observation, topic, joints)
             yield _Fault(f'{_counts(found)} send {_names(joints)} on {topic}', (), frames,
                          [topic], [sender.node for sender in found])
-
-
-def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str]) -> list[str]:
-    """Return the frames that some joints move; of an unknown robot, all that may be."""
-    known = [start + link for robot, start in observation.own_robots
-             if joint_states_of(robot.topic) == topic
-             for joint in joints for link in robot.joints.get(joint, ())]
-    readers = {*observation.joint_readers.get(topic, ())}
-    return known or [track.child for track in observation.tracks
-                     if not track.is_static and observation.node_of(track) in readers]
 
 
 def _counts(senders: Sequence[Sender]) -> str:
     return comma_list([f'{shortened(each.node)} ({each.count} messages)' for each in senders])
 
 
-@_check('two_clocks', 'Let one node publish /clock: stop the other simulation or bridge, or play '
-        'the bag without --clock.', 'two_nodes',
-        explains=(*_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock', 'message_other_clock',
-            *_WAITING))
+@_check(*_same('two_clocks'), explains=(
+    *_OF_STAMPS, 'other_clock', 'one_shot', 'slow_clock', 'message_other_clock', *_WAITING))
 def _two_clocks(observation: Observation) -> Iterator[_Fault]:
     """Find two nodes that publish /clock, so that the time jumps back and forth."""
     if senders := rivals(observation.clocks):
@@ -711,15 +666,13 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
             [sender.node for sender in senders], scope=())
 
 
-@_check('clock_stands', 'Let the simulation or the bag go on if it is paused; otherwise, look at '
-        'the node that publishes /clock.', 'clock', severity=WARNING,
+@_check('clock_stands', 'Let the simulation or the bag go on.', 'clock', severity=WARNING,
         explains=(*_OF_STAMPS, 'frozen_stamp', 'zero_stamp', 'one_shot', *_WAITING))
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
         nodes = observation.around.clock_nodes or ()
-        last = ''.join(f' at {exact_time(each.stamp)} s' for each in observation.clocks[-1:])
-        yield _Fault(f'the time on /clock of {_names(nodes)} has stood{last} for '
+        yield _Fault(f'the time on /clock of {_names(nodes)} has stood for '
                      f'{observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
 
 
@@ -774,16 +727,14 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         stream, (length, before) = worst.stream, worst.stream.largest_step
         hole = (f'no transform of {shortened(worst.child)} for {in_words(length)} after '
                 f'{exact_time(before)}' if stream.is_hole else _step_text([worst]))
-        yield _Fault(
-            f'{hole}; the usual period is {stream.period / SECOND:.2g} s; {stream.gaps} of '
-            f'{stream.steps} steps from stamp to stamp are longer than {GAP} periods', tracks,
-            time=before)
+        yield _Fault(f'{hole}; {stream.gaps} of {stream.steps} steps from stamp to stamp are '
+                     f'longer than {GAP} periods of {stream.period / SECOND:.2g} s', tracks,
+                     time=before)
     if paused:
         length, before = max(track.stream.largest_step for track in paused)
-        yield _Fault(
-            f'nothing has arrived on any topic for {in_words(length)} after '
-            f'{exact_time(before)}', paused, severity=INFO, time=before,
-            remedy='If the recording was not paused, look at the computer that listens.')
+        yield _Fault(f'nothing has arrived on any topic for {in_words(length)} after '
+                     f'{exact_time(before)}', paused, severity=INFO, time=before,
+                     remedy='If nobody has paused it, look at the computer that listens.')
     ended = {track for track in observation.newest.values()
              if track.stream.steps >= FEWEST and track['last_time'] and (
                  observation.until - track['last_time'] > max(
@@ -796,7 +747,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         goes_on = name and tracks[0].publisher in (observation.present or ()) and (
             min(each['last_time'] for each in own) < max(each['first_time'] for each in own))
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
-                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before'
+                     f'last {in_words(silence)}, and {tracks[0].rate:.1f} Hz before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
                      remedy=_start_again(node), severity=INFO if goes_on else '',
                      time=min(track['latest'] for track in tracks))
@@ -804,7 +755,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
 
 def _is_pause(observation: Observation, paused: Stream) -> bool:
     """Return whether nothing of several nodes has arrived during the largest step of a stream."""
-    begin, end = paused.arrivals_at_step
+    begin, end = paused.arrivals[paused.at:paused.at + 2].tolist()
     slack, nodes = max(SHORTEST_GAP, paused.period), set[str]()
     for node, stream in chain(
             ((observation.node_of(each) or f'{id(each.stream)}', each.stream)
@@ -844,17 +795,17 @@ def _has_gap(track: Track) -> bool:
         'more often.', 'future', severity=WARNING, needs=('headers',))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
-    for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+    for _, child, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         largest = max(topic.quantiles()[-1] for topic, _ in topics)
         instead = ('correct the clock that stamps the messages' if _lead(topics) else
                    'make the publisher send the transforms sooner, or more often')
         yield _of_messages(
             observation, topics, 'can be transformed only after waiting for the edge '
-            f'{_edge_text(observation, edge)}, up to {_known(largest * SECOND)}',
+            f'{_edge_text(observation, child)}, up to {_known(largest * SECOND)}',
             None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
             f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            f'...). Or {instead}.', edge.child)
+            f'...). Or {instead}.', child)
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
@@ -864,8 +815,7 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
         fault = _of_messages(observation, [(topic, found)], 'have the stamp 0')
         yield fault if topic.edges else fault._replace(
-            severity=INFO, remedy='This is right if the latest transform is meant, as for markers '
-            'of RViz: nothing moves above their frame.')
+            severity=INFO, remedy='This is right if the latest transform is meant.')
 
 
 @_check('jump', 'If two nodes publish the frame, stop one of them; otherwise, look at the node '
@@ -878,9 +828,8 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
                 and track['largest_speed'] > JUMP * track['usual_speed']):
             yield _Fault(
                 f'{track["jumps"]} of {track["count"]} transforms of {shortened(track.child)} '
-                f'jump; at {exact_time(track["jump_at"])}, by {track["jump"]:.3g} (m plus rad), '
-                f'{track["largest_speed"]:.3g} per second; otherwise, it moves by at most '
-                f'{track["usual_speed"]:.3g} per second', [track],
+                f'jump, as by {track["jump"]:.3g} (m plus rad) at {exact_time(track["jump_at"])}; '
+                f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
                 severity=INFO if _is_localisation(track) else '', time=track['jump_at'])
 
 
@@ -902,9 +851,8 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
                      f'{in_words(end - tracks[0]["last_time"])}', tracks)
 
 
-@_check('late', 'Look at the node that publishes the frame and at the network: one of them is too '
-        'slow, or the clocks of two computers differ.', 'future', severity=WARNING,
-        needs=('arrivals',))
+@_check('late', 'Look at the node and the network: one of them is too slow, or two clocks differ.',
+        'future', severity=WARNING, needs=('arrivals',))
 def _late(observation: Observation) -> Iterator[_Fault]:
     """Find transforms that arrive more than 0.5 s after their stamp."""
     for tracks in observation.by_publisher(lambda track: track.stream.has_many('late')):
@@ -912,17 +860,17 @@ def _late(observation: Observation) -> Iterator[_Fault]:
             observation, tracks, 'late', 'greatest_delay', _play(observation, tracks))
 
 
-@_check('future', 'Compare the clocks of the computers; some localisation nodes date their '
-        'transforms into the future on purpose (transform_tolerance).', 'clock', severity=WARNING,
+@_check('future', 'Compare the clocks of the computers.', 'clock', severity=WARNING,
         needs=('arrivals',))
 def _future(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are more than 0.1 s later than their arrival."""
     for tracks in observation.by_publisher(lambda track: track.stream.has_many('future')):
-        worst, ahead = min(tracks, key=itemgetter('least_delay')), _ahead_of(observation, tracks)
+        worst, ahead = min(tracks, key=itemgetter('least_delay')), observation.ahead.get(
+            tracks[0].publisher)
         is_constant = worst.stream.mean_delay < _CONSTANT * worst['least_delay']
         fault = _off_by_many(
             observation, tracks, 'future', 'least_delay', _by_dates(observation, tracks))
-        if is_constant and _in_time(observation) == _FRAMES and (
+        if is_constant and is_in_time(observation.tracks) and (
                 observation.has_record_times and _is_localisation(worst)
                 and worst['least_delay'] > -_MOST_LEAD if ahead is None else abs(ahead) <= FUTURE):
             fault = fault._replace(severity=INFO, remedy=(
@@ -935,10 +883,10 @@ def _off_by_many(observation: Observation, tracks: Sequence[Track], field: str, 
                  remedy: str) -> _Fault:
     """Return a fault of many delays: of the clock of the arrivals, if all messages have them."""
     text = _off_text(tracks, field, extreme)
-    delays = [topic.stream.mean_delay for topic in observation.message_times
-              if topic.stream.delays]
-    if not delays or _in_time(observation) or not np.ptp(
-            delays + [track.stream.mean_delay for track in tracks]) <= LATE:
+    timed = [topic.stream for topic in observation.message_times if topic.stream.delays]
+    means = [stream.mean_delay for stream in (*timed, *(track.stream for track in tracks))]
+    if not timed or not np.ptp(means) <= LATE or is_in_time(
+            [*observation.tracks, *observation.message_times]):
         return _Fault(text, tracks, remedy=remedy)
     is_bag = observation.has_record_times
     return _Fault(
@@ -952,16 +900,6 @@ def _off_text(tracks: Sequence[Track], field: str, *extremes: str) -> str:
     offset, stamp = max(((-track[extreme], track['stamp']) for track in tracks
                          for extreme in extremes), key=lambda each: abs(each[0]))
     return f'{_share(tracks, field)} with stamps up to {apart(offset, stamp)} the arrival'
-
-
-_FRAMES = 'other frames'
-
-
-def _in_time(observation: Observation) -> str:
-    """Return what arrives at the time of its stamps: frames, or other messages; '': nothing."""
-    return (_FRAMES if any(track.stream.is_in_time for track in observation.tracks) else
-            'other messages' if any(
-                topic.stream.is_in_time for topic in observation.message_times) else '')
 
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
@@ -981,20 +919,20 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
         streams = [*map(observation.stream, children)]
         worst = max(streams, key=attrgetter('step_back'))
         refused = sum(observation.refused[child] for child in children)
-        yield _Fault(
-            f'{sum(each.backwards for each in streams)} of '
-            f'{sum(len(each.stamps) for each in streams)} transforms of {_names(children)} with '
-            f'an earlier stamp than the one before; the largest step back is '
-            f'{in_words(worst.step_back)}, from {exact_time(worst.step_back_at)}' + (
-                f'; a buffer with the default cache of {CACHE_TIME // SECOND} s refuses '
-                f'{refused} transforms' if refused else ''),
-            [*chain(*(observation.by_child[child] for child in children))],
-            # A clock that is adjusted may go back a little.
-            severity='' if worst.step_back > SHORTEST_GAP else INFO, time=worst.step_back_at)
+        back, count = (sum(each) for each in zip(*(
+            (stream.backwards, len(stream.stamps)) for stream in streams)))
+        consequence = (f'; a buffer with the default cache of {CACHE_TIME // SECOND} s refuses '
+                       f'{refused} transforms' if refused else '')
+        yield _Fault(f'{back} of {count} transforms of {_names(children)} with an earlier stamp '
+                     f'than the one before; the largest step back is {in_words(worst.step_back)}, '
+                     f'from {exact_time(worst.step_back_at)}{consequence}',
+                     [track for child in children for track in observation.by_child[child]],
+                     # A clock that is adjusted may go back a little.
+                     severity='' if worst.step_back > SHORTEST_GAP else INFO,
+                     time=worst.step_back_at)
 
 
-@_check('same_stamp', 'Set the stamp of each transform to its own time; if two nodes publish the '
-        'frame, stop one of them.', 'repeated_data', severity=WARNING)
+@_check('same_stamp', 'Give each transform its own time.', 'repeated_data', severity=WARNING)
 def _same_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find different poses of a frame with the same stamp."""
     yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
@@ -1006,8 +944,7 @@ def _leading_slash(observation: Observation) -> Iterator[_Fault]:
     """Find frames whose names begin with a slash; tf2 refuses lookups of them."""
     for tracks in observation.by_publisher(attrgetter('slashed')):
         names = sorted({name for track in tracks for name in track.slashed})
-        yield _Fault(f'{len(names)} {"names begin" if len(names) > 1 else "name begins"} with a '
-                     f'slash in transforms: {_names(names)}', tracks, names)
+        yield _Fault(f'names in transforms begin with a slash: {_names(names)}', tracks, names)
     for frame, topics in observation.topics_of.items():
         if frame.startswith('/'):
             yield _Fault(f'the headers on {_names(topics)} name {quoted(frame)}',
@@ -1019,10 +956,9 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
     """Find frames without a name, whose transforms listeners refuse."""
     for (publisher, is_static), names in observation.statistics.empty_names.items():
         others = sorted(filter(None, names))
-        text = f'; the other name is {_names(others)}' if others else ''
         count = sum(names.values())
         yield _Fault(f'{count} transform{"s" if count > 1 else ""} with an empty frame_id or '
-                     f'child_frame_id{text}', (), others, [observation.topics[is_static]],
+                     'child_frame_id', (), others, [observation.topics[is_static]],
                      [observation.nodes.get(publisher, '')])
 
 
@@ -1072,7 +1008,8 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     """Find several trees; lookups from one to another fail."""
     if len(observation.trees) > 1:
-        roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]
+        roots = [next((name for name in tree if name not in observation.parents), tree[0])
+                 for tree in observation.trees]
         yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots,
                      remedy=observation.missing_part)
 

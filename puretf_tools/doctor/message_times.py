@@ -6,7 +6,7 @@ transforms since the observation began. It is transformed into the root of its t
 that of the newest parents.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
 from operator import attrgetter
 from typing import NamedTuple, Optional
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from puretf._causes.facts import OTHER_CLOCK
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Headers
-from puretf_tools.doctor.stream import Stream
+from puretf_tools.doctor.stream import Edge, NEVER, Stream
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST
 
@@ -27,7 +27,6 @@ LONG_WAIT = SECOND // 10
 #: less than this before its end (ns), or than this many times the usual wait.
 _LAST, _WAITS = 2 * SECOND, 3
 _Array = NDArray[np.int64]
-_NEVER, _ALWAYS = np.iinfo(np.int64).max, np.iinfo(np.int64).min
 
 
 class Verdict(IntEnum):
@@ -42,31 +41,6 @@ class Verdict(IntEnum):
     NEVER = 4  #: the transforms do not reach its stamp
     TOO_OLD = 5  #: it is older than the transforms that are kept
     OTHER_CLOCK = 6  #: its stamp is far from those of all transforms
-
-
-class Edge:
-    """The transforms of a frame, as a listener receives them."""
-
-    def __init__(self, child: str, arrivals: _Array, stamps: _Array) -> None:
-        """Take transforms (at least one), given by their arrivals and their stamps (ns)."""
-        # When a bag or a simulation starts again, listeners clear their data.
-        goes_back = np.maximum(stamps[1:-1], stamps[2:]) < stamps[:-2] - CACHE_TIME
-        start = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
-        self.child, self.arrivals, stamps = child, arrivals[start:], stamps[start:]
-        self._newest = np.maximum.accumulate(stamps)  # (n,) at each arrival
-        self._stamps = np.sort(stamps)
-        self.begin, self.end = int(stamps[0]), int(self._newest[-1])  #: first, newest stamp (ns)
-
-    def reaches(self, stamps: _Array) -> _Array:
-        """Return when a transform with these stamps or newer ones arrives; `_NEVER`: never."""
-        return np.append(self.arrivals, _NEVER)[self._newest.searchsorted(stamps)]
-
-    def needed_cache(self, stamps: _Array, times: _Array) -> _Array:
-        """Return how long transforms must be kept (ns) if stamps are looked up at some times."""
-        # A transform that arrives does not count yet when the old ones are dropped.
-        last = np.maximum(self.arrivals.searchsorted(times, 'right') - 2, 0)
-        before = np.maximum(self._stamps.searchsorted(stamps, 'right') - 1, 0)
-        return self._newest[last] - self._stamps[before]
 
 
 class MessageTimes(NamedTuple):
@@ -86,7 +60,7 @@ class MessageTimes(NamedTuple):
     waits: _Array
     #: (n,) if it waits or waits in vain, the index in `edges` of the last edge whose data come.
     edge_numbers: _Array
-    edges: list[Edge]
+    edges: list[tuple[Edge, str]]  #: each with its child
 
     def count(self, *verdicts: Verdict) -> int:
         """Return how many messages of the sample have one of some verdicts."""
@@ -134,13 +108,13 @@ class MessageTimes(NamedTuple):
 
 
 def judge(topic: str, headers: Headers,
-          edges_above: Callable[[str], Optional[Sequence[Edge]]], span: tuple[int, int],
+          edges_above: Callable[[str], Optional[Mapping[Edge, str]]], span: tuple[int, int],
           clock: Optional[StampClock]) -> MessageTimes:
     """
     Judge the messages of a topic.
 
-    :param edges_above: returns the dynamic edges from a frame to its root; None: the frame is in
-        no tree.
+    :param edges_above: returns the dynamic edges from a frame to its root, and their children;
+        None: the frame is in no tree.
     :param span: the begin and the end of the observation (ns), on the clock of the arrivals.
     :param clock: that of the stamps; None: it is not known.
     """
@@ -150,17 +124,17 @@ def judge(topic: str, headers: Headers,
         for each in (headers.arrivals, headers.stamps, headers.frame_numbers))
     times = clock.at(arrivals) if clock else None
     verdicts, waits, edge_numbers = (np.zeros_like(stamps) for _ in range(3))
-    all_edges: list[Edge] = []
+    all_edges: list[tuple[Edge, str]] = []
     for number, frame in enumerate(headers.frames):
-        edges = edges_above(frame)
-        if edges is not None:
+        children = edges_above(frame)
+        if children is not None:
             at = numbers == number
             # Of several edges that end too early, the first to end is named.
-            edges = sorted(edges, key=attrgetter('end'))
+            edges = sorted(children, key=attrgetter('end'))
             verdicts[at], waits[at], slowest = _verdicts(
                 stamps[at], arrivals[at], None if times is None else times[at], edges, span)
             edge_numbers[at] = slowest + len(all_edges)
-            all_edges += edges
+            all_edges += [(edge, children[edge]) for edge in edges]
     return MessageTimes(
         topic, headers.count, headers.step, [*headers.frames], numbers, arrivals, stamps,
         Stream(arrivals, stamps, times), verdicts, waits, edge_numbers, all_edges)
@@ -180,10 +154,10 @@ def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: 
         reached = edge.reaches(stamps)
         slowest[reached > ready] = i
         ready = np.maximum(ready, reached)
-    first = max((edge.begin for edge in edges), default=_ALWAYS)
-    is_early = arrivals < max((edge.arrivals[0] for edge in edges), default=_ALWAYS)
+    first = max((edge.begin for edge in edges), default=-NEVER)
+    is_early = arrivals < max((edge.arrivals[0] for edge in edges), default=-NEVER)
     needed_cache = _needed_cache(edges, stamps, arrivals)
-    is_reached = (ready < _NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE_TIME)
+    is_reached = (ready < NEVER) & (_needed_cache(edges, stamps, ready) <= CACHE_TIME)
     # They are far from all transforms, and from the present.
     is_far = np.full(len(stamps), bool(edges))
     for edge in edges:
@@ -206,7 +180,5 @@ def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: 
 
 def _needed_cache(edges: Iterable[Edge], stamps: _Array, times: _Array) -> _Array:
     """Return the longest time that an edge needs; see `Edge.needed_cache`."""
-    needed = np.zeros_like(stamps)
-    for edge in edges:
-        needed = np.maximum(needed, edge.needed_cache(stamps, times))
-    return needed
+    needed = [edge.needed_cache(stamps, times) for edge in edges]
+    return np.asarray(np.max([np.zeros_like(stamps), *needed], axis=0))

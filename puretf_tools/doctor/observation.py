@@ -1,25 +1,24 @@
 """The data that are checked: statistics of the transforms, and facts about their publishers."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
-from typing import Optional
+from typing import Optional, Union
 
 import numpy as np
 
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surroundings
 from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
-from puretf._text.times import CACHE_TIME, SECOND
+from puretf._text.times import CACHE_TIME
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
-from puretf_tools.doctor.message_times import Edge, judge, MessageTimes
-from puretf_tools.doctor.stream import Stream
+from puretf_tools.doctor.message_times import judge, MessageTimes
+from puretf_tools.doctor.stream import Edge, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
+from puretf_tools.inspection.gaps import in_words
 from puretf_tools.inspection.robots import prefix, Robot
-from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import recreated
 from puretf_tools.robot.observed import RobotsInBag
 
@@ -78,8 +77,38 @@ class Observation:
     def __post_init__(self) -> None:
         """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
-        # Tracks whose transforms always arrive together share them.
-        self._edges: dict[Stream, Edge] = {}
+        #: By child: the tracks, the one whose last transform arrived last, and its newest parent.
+        self.by_child: dict[str, list[Track]] = {}
+        for track in self.tracks:
+            self.by_child.setdefault(track.child, []).append(track)
+        self.newest = {child: max(tracks, key=itemgetter('last_time'))
+                       for child, tracks in self.by_child.items()}
+        self.parents = {child: [*track.parents][-1] for child, track in self.newest.items()}
+        #: The end of the observation, or the last arrival of a dynamic transform (ns).
+        self.until = max(self.end, 0, *(
+            int(track['last_time']) for track in self.tracks if not track.is_static))
+        #: Those `headers` whose nearest namespace with transforms is that of `topics`.
+        self.own_headers = {
+            topic: headers for topic, headers in self.headers.items() if self.is_own(topic)}
+        #: By the frame of headers, in alphabetical order: the topics with these headers.
+        self.topics_of = {frame: [topic for topic, headers in self.own_headers.items()
+                                  if frame in headers.frames] for frame in sorted(
+            {frame for headers in self.own_headers.values() for frame in headers.frames})}
+        trees: dict[str, list[str]] = {}
+        for track in self.tracks:
+            for parent in track.parents:
+                small, large = sorted((trees.setdefault(name, [name])
+                                       for name in (parent, track.child)), key=len)
+                if small is not large:
+                    large += small
+                    trees.update(dict.fromkeys(small, large))
+        #: The frames of each tree; earlier parents count, too.
+        self.trees = [*{id(tree): tree for tree in trees.values()}.values()]
+        #: By frame: the index of its tree in `trees`.
+        self.tree_of = {name: i for i, tree in enumerate(self.trees) for name in tree}
+        #: Those `robots` whose namespace is that of `topics`, and the prefix of their frames.
+        self.own_robots = [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
+                           for robot in self.robots if self.is_own(robot.topic)]
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
             self.left_out.append(
@@ -96,49 +125,8 @@ class Observation:
             self.not_known.setdefault(
                 'arrivals', 'the bag was recorded with another clock than that of the stamps; '
                 f'they are about {in_words(self.clock.stream.mean_delay)} apart')
-
-    @cached_property
-    def by_child(self) -> dict[str, list[Track]]:
-        """The tracks of each child."""
-        tracks: dict[str, list[Track]] = {}
-        for track in self.tracks:
-            tracks.setdefault(track.child, []).append(track)
-        return tracks
-
-    @cached_property
-    def newest(self) -> dict[str, Track]:
-        """By child: the track whose last transform has arrived last."""
-        return {child: max(tracks, key=itemgetter('last_time'))
-                for child, tracks in self.by_child.items()}
-
-    @cached_property
-    def parents(self) -> dict[str, str]:
-        """By child: the newest parent."""
-        return {child: [*track.parents][-1] for child, track in self.newest.items()}
-
-    @cached_property
-    def until(self) -> int:
-        """The end of the observation, or the last arrival of a dynamic transform (ns)."""
-        return max(self.end, 0, *(int(track['last_time']) for track in self.tracks
-                                  if not track.is_static))
-
-    @cached_property
-    def trees(self) -> list[list[str]]:
-        """The frames of each tree; earlier parents count, too."""
-        tree_of: dict[str, list[str]] = {}
-        for track in self.tracks:
-            for parent in track.parents:
-                small, large = sorted((tree_of.setdefault(name, [name])
-                                       for name in (parent, track.child)), key=len)
-                if small is not large:
-                    large += small
-                    tree_of.update(dict.fromkeys(small, large))
-        return [*{id(tree): tree for tree in tree_of.values()}.values()]
-
-    @cached_property
-    def tree_of(self) -> dict[str, int]:
-        """By frame: the index of its tree in `trees`."""
-        return {name: i for i, tree in enumerate(self.trees) for name in tree}
+        #: The clock of the stamps; None: it is not known.
+        self.stamp_clock = None if 'arrivals' in self.not_known else self.statistics.clock
 
     def is_own(self, topic: str) -> bool:
         """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
@@ -147,17 +135,6 @@ class Observation:
         while topic and topic not in namespaces:
             topic = topic.rpartition('/')[0]
         return topic == namespace
-
-    @cached_property
-    def own_headers(self) -> dict[str, Headers]:
-        """Those `headers` whose nearest namespace with transforms is that of `topics`."""
-        return {topic: headers for topic, headers in self.headers.items() if self.is_own(topic)}
-
-    @cached_property
-    def own_robots(self) -> list[tuple[Robot, str]]:
-        """Those `robots` whose namespace is that of `topics`, and the prefix of their frames."""
-        return [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
-                for robot in self.robots if self.is_own(robot.topic)]
 
     @cached_property
     def facts(self) -> Facts:
@@ -179,15 +156,10 @@ class Observation:
                    [child for child, each in parents.items() if len(each) > 1],
                    lambda child: [*parents[child].values()]))
 
-    @property
-    def stamp_clock(self) -> Optional[StampClock]:
-        """The clock of the stamps; None: it is not known."""
-        return None if 'arrivals' in self.not_known else self.statistics.clock
-
     @cached_property
     def off_clock(self) -> dict[str, int]:
         """By topic: the offset of its stamps (ns), if it is off, while a frame is in time."""
-        if not any(track.stream.is_in_time for track in self.tracks):
+        if not is_in_time(self.tracks):
             return {}
         streams = [(topic.topic, topic.stream) for topic in self.message_times if topic.edges]
         return {topic: stream.offset for topic, stream in streams if stream.offset and is_off(
@@ -225,34 +197,21 @@ class Observation:
         """Return the tracks of a child on /tf."""
         return [track for track in self.by_child.get(child, ()) if not track.is_static]
 
-    def _edges_above(self, frame: str) -> Optional[list[Edge]]:
-        """Return the dynamic edges from a frame to its root; None: it is in no tree."""
+    def _edges_above(self, frame: str) -> Optional[dict[Edge, str]]:
+        """Return the dynamic edges from a frame to its root, and their children; None: no tree."""
         name = frame.removeprefix('/')
         path = [name, *self.ancestors(name)]
         if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
             return None
         # Edges whose transforms always arrive together are judged once.
-        edges: dict[Stream, Edge] = {}
+        edges: dict[Edge, str] = {}
         for child in path:
             stream = self.stream(child)
-            if stream in edges or not self.dynamic_tracks(child):
-                continue
-            if not stream.arrivals.any():
-                return None
-            if stream not in self._edges:
-                self._edges[stream] = Edge(child, stream.arrivals, stream.stamps)
-            edges[stream] = copy(self._edges[stream])
-            edges[stream].child = child
-        return [*edges.values()]
-
-    @cached_property
-    def topics_of(self) -> dict[str, list[str]]:
-        """By the frame of headers, in alphabetical order: the topics with these headers."""
-        topics: dict[str, list[str]] = {}
-        for topic, headers in self.own_headers.items():
-            for frame in headers.frames:
-                topics.setdefault(frame, []).append(topic)
-        return dict(sorted(topics.items()))
+            if self.dynamic_tracks(child):
+                if not stream.arrivals.any():
+                    return None
+                edges.setdefault(stream.edge, child)
+        return edges
 
     @cached_property
     def recreated(self) -> dict[tuple[str, str], list[str]]:
@@ -269,10 +228,6 @@ class Observation:
             key = self.node_of(track), self.topics[track.is_static]
             groups.setdefault(key, {}).setdefault(track.publisher, set()).add(track.child)
         return {key: found for key, group in groups.items() if (found := recreated(group))}
-
-    def roots(self, tree: Iterable[str]) -> list[str]:
-        """Return the frames of a tree that have no parent: none if the tree is a loop."""
-        return [name for name in tree if name not in self.parents]
 
     def ancestors(self, name: str) -> list[str]:
         """Return the frames above a frame, the parent first; in a loop, each frame once."""
@@ -298,15 +253,14 @@ class Observation:
         return self.nodes.get(track.publisher, '')
 
 
+def is_in_time(timed: Iterable[Union[Track, MessageTimes]]) -> bool:
+    """Return whether the transforms of a track, or the messages of a topic, are in time."""
+    return any(each.stream.is_in_time for each in timed)
+
+
 def total(tracks: Iterable[Track], statistic: str) -> int:
     """Return the sum of one statistic of tracks."""
     return sum(int(track[statistic]) for track in tracks)
-
-
-def in_words(nanoseconds: float) -> str:
-    """Return a time span in s, with three significant digits; from 1000 s on, rounded to 1 s."""
-    seconds = abs(nanoseconds) / SECOND
-    return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
 
 
 class BagObserver:
@@ -341,7 +295,39 @@ class BagObserver:
 
     def observation(self, bag: Bag) -> Observation:
         """Return all that was observed, once the bag has been read with its headers."""
-        return _observation(bag, self.counted(), self.robots.robots())
+        statistics, topics = self.counted(), bag.topics
+        nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
+        tracks = statistics.tracks()
+        path = namespace_path(bag.namespace)
+        own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
+        latched = [topic for topic in topics if topic.name == static and topic.is_tf]
+        not_known = {'listeners': 'a bag does not record the listeners'}
+        if any({*topic.durabilities} <= {'UNKNOWN'} for topic in latched):
+            not_known['qos'] = 'the bag does not record the QoS of the publishers'
+        if not nodes:
+            not_known['nodes'] = 'the bag does not record which node has sent a message'
+        if not any(track['delays'] for track in tracks):
+            not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
+        tf_topics = [topic.name for topic in topics if topic.is_tf and topic.name not in own_topics
+                     and topic.name.removesuffix('_static').endswith('/tf')]
+        others = [topic for topic in tf_topics if topic.endswith('/tf')]
+        has_static = any(track.is_static for track in tracks)
+        publishers = [Publisher('', topic.name, topic.msgtype, '') for topic in topics
+                      if topic.name in own_topics and not topic.is_tf]
+        publishers += [
+            Publisher('', static, TF_MESSAGE, '', 'transient local') for topic in latched
+            for durability in topic.durabilities.elements()
+            if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN')]
+        return Observation(
+            statistics, f'in {bag.path}', own_topics, nodes=nodes,
+            headers={topic.name: topic.headers for topic in topics if topic.headers.count},
+            robots=self.robots.robots(), tf_topics=tf_topics, not_known=not_known,
+            has_record_times=True, missing_part='' if has_static else bag.missing_part,
+            left_out=[f'headers on {topic.name}: the definition of its type {topic.msgtype} is '
+                      'not known' for topic in topics if topic.has_header is None],
+            around=Surroundings(
+                topics=(static, dynamic), publishers=publishers, other_topics=others,
+                has_data=bool(tracks), is_fed=not all(track.is_static for track in tracks)))
 
 
 def observe_bag(bag: Bag) -> Observation:
@@ -350,40 +336,3 @@ def observe_bag(bag: Bag) -> Observation:
     for message in bag.messages(headers=True, others=observer.wanted):
         observer.add(message)
     return observer.observation(bag)
-
-
-def _observation(bag: Bag, statistics: Statistics, robots: Sequence[Robot]) -> Observation:
-    topics = bag.topics
-    nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
-    tracks = statistics.tracks()
-    path = namespace_path(bag.namespace)
-    own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
-    latched = [topic for topic in topics if topic.name == static and topic.is_tf]
-    not_known = {'listeners': 'a bag does not record the listeners'}
-    if any({*topic.durabilities} <= {'UNKNOWN'} for topic in latched):
-        not_known['qos'] = 'the bag does not record the QoS of the publishers'
-    if not nodes:
-        not_known['nodes'] = 'the bag does not record which node has sent a message'
-    if not any(track['delays'] for track in tracks):
-        not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
-    tf_topics = [topic.name for topic in topics if topic.is_tf and topic.name not in own_topics
-                 and topic.name.removesuffix('_static').endswith('/tf')]
-    others = [topic for topic in tf_topics if topic.endswith('/tf')]
-    has_static = any(track.is_static for track in tracks)
-    publishers = [Publisher('', topic.name, topic.msgtype, '') for topic in topics
-                  if topic.name in own_topics and not topic.is_tf]
-    publishers += [Publisher('', static, TF_MESSAGE, '', 'transient local') for topic in latched
-                   for durability in topic.durabilities.elements()
-                   if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN')]
-    return Observation(
-        statistics, f'in {bag.path}', own_topics, nodes=nodes,
-        headers={topic.name: topic.headers for topic in topics if topic.headers.count},
-        robots=robots,
-        tf_topics=tf_topics, not_known=not_known, has_record_times=True,
-        left_out=[
-            f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'
-            for topic in topics if topic.has_header is None],
-        missing_part='' if has_static else bag.missing_part,
-        around=Surroundings(
-            topics=(static, dynamic), publishers=publishers, other_topics=others,
-            has_data=bool(tracks), is_fed=not all(track.is_static for track in tracks)))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf._causes.facts import OTHER_CLOCK
+from puretf._text.times import CACHE_TIME
 
 #: What arrives more than `LATE` (ns) after its stamp is late; if its stamp is more than `FUTURE`
 #: (ns) after its arrival, it is from the future.
@@ -31,6 +32,7 @@ _TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
 #: the second one (ns), at this rate (Hz) or more, they are another unit.
 _FIRST_PART, _SPREAD, _LEAST_RATE = SECOND // 5, SECOND // 2, 5.0
 _Array = NDArray[np.int64]
+NEVER = np.iinfo(np.int64).max
 
 
 class Stall(NamedTuple):
@@ -40,6 +42,31 @@ class Stall(NamedTuple):
     span: int  #: from the arrival of the first to that of the last one (ns)
     total: int  #: the number of all such messages, also with other stamps
     is_last: bool  #: whether the last stamp stands
+
+
+class Edge:
+    """Transforms as a listener receives them."""
+
+    def __init__(self, arrivals: _Array, stamps: _Array) -> None:
+        """Take transforms (at least one), given by their arrivals and their stamps (ns)."""
+        # When a bag or a simulation starts again, listeners clear their data.
+        goes_back = np.maximum(stamps[1:-1], stamps[2:]) < stamps[:-2] - CACHE_TIME
+        start = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
+        self.arrivals, stamps = arrivals[start:], stamps[start:]
+        self._newest = np.maximum.accumulate(stamps)  # (n,) at each arrival
+        self._stamps = np.sort(stamps)
+        self.begin, self.end = int(stamps[0]), int(self._newest[-1])  #: first, newest stamp (ns)
+
+    def reaches(self, stamps: _Array) -> _Array:
+        """Return when a transform with these stamps or newer ones arrives; `NEVER`: never."""
+        return np.append(self.arrivals, NEVER)[self._newest.searchsorted(stamps)]
+
+    def needed_cache(self, stamps: _Array, times: _Array) -> _Array:
+        """Return how long transforms must be kept (ns) if stamps are looked up at some times."""
+        # A transform that arrives does not count yet when the old ones are dropped.
+        last = np.maximum(self.arrivals.searchsorted(times, 'right') - 2, 0)
+        before = np.maximum(self._stamps.searchsorted(stamps, 'right') - 1, 0)
+        return self._newest[last] - self._stamps[before]
 
 
 class Stream:
@@ -81,9 +108,10 @@ class Stream:
         #: The number of steps that are gaps.
         self.gaps = int(np.count_nonzero(forward > GAP * max(self.period, _SHORTEST_PERIOD)))
         self.has_many_gaps = self.gaps >= max(_FEWEST_GAPS, _JITTER * self.steps)
-        self._at = int(steps.argmax()) if self.steps else 0  # the stamp before the largest step
+        #: The index of the stamp before the largest step.
+        self.at = int(steps.argmax()) if self.steps else 0
         #: The largest step, and the stamp before it (ns); 0, 0: there is none.
-        self.largest_step = (int(steps[self._at]), int(self.stamps[self._at])) if (
+        self.largest_step = (int(steps[self.at]), int(self.stamps[self.at])) if (
             self.steps) else (0, 0)
         self.has_long_step = self.largest_step[0] > max(GAP * self.period, SHORTEST_GAP)
         self.backwards = int(np.count_nonzero(steps < 0))  #: the number of steps back
@@ -122,17 +150,16 @@ class Stream:
         return -FUTURE <= self.mean_delay <= LATE and not any(
             map(self.has_many, ('late', 'future', 'foreign')))
 
-    @property
-    def arrivals_at_step(self) -> tuple[int, int]:
-        """When the messages before and after the largest step have arrived (ns)."""
-        before, after = self.arrivals[self._at:self._at + 2].tolist()
-        return before, after
+    @cached_property
+    def edge(self) -> Edge:
+        """The same as a listener receives it; there must be at least one."""
+        return Edge(self.arrivals, self.stamps)
 
     @cached_property
     def is_hole(self) -> bool:
         """True if nothing has arrived during the largest step."""
         pauses = np.diff(self.arrivals)
-        return not self.steps or bool(pauses[self._at] > GAP * np.median(pauses))
+        return not self.steps or bool(pauses[self.at] > GAP * np.median(pauses))
 
     @cached_property
     def clock_step(self) -> Optional[tuple[float, float]]:
@@ -144,7 +171,7 @@ class Stream:
         delays = self._delays()
         if not self.has_long_step or delays is None or self.is_hole:
             return None
-        parts = delays[:self._at + 1], delays[self._at + 1:]
+        parts = delays[:self.at + 1], delays[self.at + 1:]
         if min(map(len, parts)) < FEWEST:
             return None
         (low, before, high), (least, after, most) = (

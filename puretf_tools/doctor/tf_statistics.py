@@ -35,7 +35,7 @@ _FIELDS = np.dtype([
     ('count', 'i8'),  # the number of transforms
     ('invalid', 'i8'),  # of those: with NaN or infinite numbers
     ('unnormalized', 'i8'),  # with a quaternion whose norm is not 1
-    ('worst_norm', 'f8'),  # the norm that differs most from 1
+    ('norm_error', 'f8'),  # the largest difference of the norm from 1
     ('changes', 'i8'),  # with another pose than the one before; on /tf only if the stamp is equal
     ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp that is not 0 (ns), and the last pose
     ('pose_before', '7f8'),  # the pose before the last one
@@ -116,8 +116,7 @@ class Statistics(Counts):
         all_values = self._values[:len(self._tracks)].copy()
         for field in 'first_time', 'last_time':
             times = self.clock.at(all_values[field])
-            all_values[field] = 0 if times is None else np.where(
-                all_values[field] == 0, 0, times)
+            all_values[field] = 0 if times is None else np.where(all_values[field] == 0, 0, times)
         for track, values in zip(self._tracks, all_values):
             track.values = values
         return [*self._tracks]
@@ -241,10 +240,7 @@ def _add_poses(values: Any, poses: NDArray[np.float64], is_compared: NDArray[np.
         norms = np.where(is_valid, np.sqrt(np.square(poses[..., 3:]).sum(axis=2)), 1.0)
     deviations = np.abs(norms - 1.0)
     values['unnormalized'] += (deviations > NORM_TOLERANCE).sum(axis=0)
-    worst = np.take_along_axis(norms, deviations.argmax(axis=0)[None], 0)[0]
-    values['worst_norm'] = np.where(
-        (values['count'] == 0) | (np.abs(worst - 1.0) > np.abs(values['worst_norm'] - 1.0)),
-        worst, values['worst_norm'])
+    values['norm_error'] = np.maximum(values['norm_error'], deviations.max(axis=0))
     if is_compared.any():
         poses_before = np.concatenate([values['pose'][None], poses[:-1]])
         values['changes'] += (is_compared & _differ(poses, poses_before)).sum(axis=0)
@@ -284,8 +280,7 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
         at = speeds.argmax(axis=0)[None]
         is_larger = np.take_along_axis(speeds, at, 0)[0] > values['largest_speed']
         for name, column in ('largest_speed', speeds), ('jump', moves), ('jump_at', stamps):
-            values[name] = np.where(
-                is_larger, np.take_along_axis(column, at, 0)[0], values[name])
+            values[name] = np.where(is_larger, np.take_along_axis(column, at, 0)[0], values[name])
     values['usual_speed'] = np.maximum(values['usual_speed'], usual.max(axis=0))
     if has_jumps:
         values['jumps'] += ((moves >= SMALLEST_JUMP) & (

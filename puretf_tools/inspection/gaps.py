@@ -117,7 +117,7 @@ def beyond_ends(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.i
     texts: dict[str, list[str]] = {}
     for which, (time, name) in (('first', early), ('last', late)):
         if time:
-            texts.setdefault(name, []).append(f'the {which} {_in_words(time)}')
+            texts.setdefault(name, []).append(f'the {which} {in_words(time)}')
     return is_beyond, '; of '.join(
         f'{name}: {" and ".join(spans)}' for name, spans in texts.items())
 
@@ -131,6 +131,7 @@ def _part(times: NDArray[np.int64], begin: int, end: int) -> tuple[int, int]:
     return int(times.searchsorted(begin)), int(times.searchsorted(end, 'right'))
 
 
-def _in_words(time: int) -> str:
-    seconds = time / SECOND
+def in_words(nanoseconds: float) -> str:
+    """Return a time span in s, with three significant digits; from 1000 s on, rounded to 1 s."""
+    seconds = abs(nanoseconds) / SECOND
     return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'

@@ -72,7 +72,7 @@ class JointControls:
             self._look(descriptions)
 
     def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        raise NotImplementedError
+        """Look up which robots there are."""
 
 
 class JointStatePublisher(JointControls):

@@ -203,6 +203,8 @@ class World(NamedTuple):
             robots=self.robots, joint_senders={
                 topic: [joints(node) for node in nodes]
                 for topic, nodes in self.joint_states.items()},
+            joint_readers={topic: [each.node for each in self.senders]
+                           for topic in self.joint_states},
             clocks=clocks, clock_stands=0.0 if self.speed else 20.0,
             use_sim_time=self.use_sim_time,
             other_transforms=others, around=around,

@@ -100,8 +100,7 @@ FAULTS = {
     'two_publishers': (
         [*robot(), *(tf(i, 'odom base_link', publisher='/other', x=i / 100, stamp=at(i) + MS)
                      for i in range(20, 60, 4))], ['base_link'],
-        r'^/robot and /other both publish base_link: 100 transforms \(50\.0 Hz\) and 10 '
-        r'\(12\.5 Hz\)$'),
+        '^/robot and /other both publish base_link: 100 and 10 transforms$'),
     'static_and_dynamic': (
         [*robot(), static('odom base_link')], ['base_link'],
         "^transforms of 'base_link': 100 on /tf, 1 on /tf_static$"),
@@ -110,22 +109,21 @@ FAULTS = {
         '^3 frames in a loop: '),
     'unnormalized': (
         with_pose(robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 1.002)), ['base_link'],
-        r'^1 of 100 transforms of base_link with .*; the worst norm is 1\.002$'),
+        r'^1 of 100 transforms of base_link with .* whose norm differs from 1 by up to 0\.002$'),
     'message_never': (
         [*robot(100), *(tf(i, 'base_link wheel') for i in range(400)), *scans(count=300)],
-        ['laser'], r'^159 of 239 messages on /scan wait in vain: the data of the edge odom -> '
-        r'base_link(?: of /robot)? end at 1700000001\.980000000, and the last stamp is '
-        r'1700000007\.475000000$'),
+        ['laser'], r'^159 of 239 messages on /scan wait in vain for the edge odom -> '
+        r'base_link(?: of /robot)?, whose data end at 1700000001\.980000000$'),
     'gap': (
         [message for i, message in enumerate(robot(200)) if not 50 < i <= 80],
         ['base_link', 'arm'],
-        r'^no transform of base_link for 0\.62 s after 1700000000\.980000000; the usual period is '
-        r'0\.02 s; 1 of 169 steps from stamp to stamp are longer than 3 periods$'),
+        r'^no transform of base_link for 0\.62 s after 1700000000\.980000000; 1 of 169 steps from '
+        r'stamp to stamp are longer than 3 periods of 0\.02 s$'),
     'jump': (
         [*robot(100, edges=['odom base_link']),
          *(tf(100 + i, 'odom base_link', x=9.0 + i / 100) for i in range(100))], ['base_link'],
-        r'^1 of 200 transforms of base_link jump; at 1700000002\.000000000, by 8\.01 '
-        r'\(m plus rad\), 40[01] per second; otherwise, it moves by at most 0\.5 per second$'),
+        r'^1 of 200 transforms of base_link jump, as by 8\.01 \(m plus rad\) at '
+        r'1700000002\.000000000; otherwise, it moves by at most 0\.5 per second$'),
     'time_goes_back': (
         robot(change=lambda i: {'stamp': at(49)} if i == 50 else {'stamp': at(48) - S}
               if i == 51 else {}, edges=['odom base_link'])[:-48], ['base_link'],

@@ -7,7 +7,6 @@ from puretf._causes.facts import Facts, Frames, Heard, Surroundings
 from puretf._causes.lookups import RULES
 from puretf_tools.doctor import examine
 from puretf_tools.inspection.feeds import Sender
-from puretf_tools.inspection.robots import Robot
 
 #: 50 Hz for 2 s.
 ROBOT = [tf(i, i, 'map odom') for i in range(0, 2000, 20)]
@@ -98,18 +97,14 @@ def joints(*senders):
 
 #: The frame odom jumps now and then.
 JUMPS = [tf(i, i, 'map odom', x=9.0 * (i % 100 == 0)) for i in range(0, 2000, 20)]
-KNOWN = {'robots': [Robot('/robot_description', '', 'map', ['map', 'odom'], {'turn': ['odom']},
-                          {'turn': ''})]}
 READERS = {'joint_readers': {'/joint_states': ['/rsp']}, 'nodes': {'/robot': '/rsp'}}
 
 
-@pytest.mark.parametrize('robot', [KNOWN, READERS])
-def test_two_nodes_send_a_joint(robot):
+def test_two_nodes_send_a_joint():
     """Both are named, with the joint and the frame; its jumps are not reported beside it."""
-    assert codes(JUMPS, **robot) == {'jump'}
-    report = examine(observed(JUMPS, [], **robot, **joints(
-        sender('/driver', 'turn'), sender('/gui', 'grip', 'turn'),
-        sender('/hand', 'tip'))))
+    assert codes(JUMPS, **READERS) == {'jump'}
+    report = examine(observed(JUMPS, [], **READERS, **joints(
+        sender('/driver', 'turn'), sender('/gui', 'grip', 'turn'), sender('/hand', 'tip'))))
     (finding,) = report.findings
     assert (finding.code, finding.nodes) == ('two_joint_publishers', ('/driver', '/gui'))
     assert (finding.frames, finding.topics) == (('odom',), ('/joint_states',))
