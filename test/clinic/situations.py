@@ -241,7 +241,8 @@ FAULTY = [
     Situation('1.17 the same, and a lookup at the present time', World([
         Sender('/rosbag2_player', ['odom base_link'], offset=-1e8)]),
         [Lookup('odom', 'base_link', ['other_clock'], ('Play the bag with --clock',), at=0.0)],
-        after=[{'clock': NOW / S - 1e8, 'clock_nodes': ['/rosbag2_player']}]),
+        after=[{'clock': NOW / S - 1e8, 'clock_nodes': ['/rosbag2_player']}],
+        report=['Play the bag with --clock, and set use_sim_time.']),
     Situation('an old time in a simulation', World(
         [DRIVER._replace(offset=1000.0 - NOW / S)], clock=1000.0, clock_nodes=['/gazebo']),
         [Lookup('odom', 'base_link', ['cache_too_short'], at=-100.0),
@@ -291,10 +292,10 @@ FAULTY = [
         [DRIVER._replace(end=-5.0, has_ended=True)], has_gids=True),
         [Lookup('odom', 'base_link', ['gap'],
                 ('/driver, which has published it, has ended', 'Start /driver again'), at=0.0)],
-        after=[AGAIN]),
+        after=[AGAIN], report=['20.0 Hz before; /driver has ended.', 'Start /driver again.']),
     Situation('a publisher is silent', World([DRIVER._replace(end=-5.0)], has_gids=True),
               [Lookup('odom', 'base_link', [], ('arrived 5.0 s ago from /driver',), at=0.0)],
-        finds=['gap'], after=[AGAIN]),
+        finds=['gap'], after=[AGAIN], report=['20.0 Hz before.', 'Look at the node']),
     Situation('a frame was sent once on /tf', World([DRIVER._replace(rate=0)]),
               [Lookup('odom', 'base_link', ['one_shot'], ('Only one has arrived, 20.0 s ago',),
                       at=0.0)], after=[AGAIN, {'senders': [DRIVER._replace(
@@ -404,7 +405,10 @@ FAULTY = [
         SIM_DRIVER._replace(begin=-4.0),
         Sender('/old', ['odom base_link'], 0, offset=190.0 - NOW / S, begin=-3.9)], **SIM),
         [Lookup('odom', 'base_link', ['time_goes_back'], ('Clear the buffer',), at=0.0)],
-        ['time_goes_back', 'two_publishers'], [{'senders': [SIM_DRIVER]}]),
+        ['time_goes_back', 'two_publishers'], [{'senders': [SIM_DRIVER]}],
+        report=['1 of 82 transforms of base_link with an earlier stamp than the one before; the',
+                ' from 186.100000000; a buffer with the', 'refuses 78 transforms.',
+                'On /tf, by /driver, /old.']),
     Situation('1.24 a calibration changes', World([DRIVER, Sender(
         '/calibration', ['base_link camera'], 1.0, '/tf_static', pose=moves)]),
         [Lookup('odom', 'camera', None)], ['static_changes'], [{'senders': [DRIVER, Sender(
@@ -414,7 +418,8 @@ FAULTY = [
     Situation('1.29 joint_state_publisher beside the driver', World(
         [DRIVER, LASER, Sender('/rsp', ['base_link hand'], pose=lambda i: moves(i % 2 * 100))],
         joint_states={'/joint_states': ['/driver', '/gui']}, robots=[arm(turn='')]), [],
-        ['two_joint_publishers'], [{
+        ['two_joint_publishers'], report=[
+            '/driver (2 messages), /gui (2 messages) send turn on /joint_states.'], after=[{
             'senders': [DRIVER, LASER, Sender('/rsp', ['base_link hand'], pose=moves)],
             'joint_states': {'/joint_states': ['/driver']}}]),
     Situation('1.38 two sources of odom -> base_link, one with another clock', World([
@@ -442,7 +447,7 @@ FAULTY = [
                 '195 of 195 messages on /scan can be transformed only after waiting for the ',
                 'edge odom -> base_link of /driver, up to 0.28 s.',
                 'timeout=Duration(seconds=0.3) in the lookup; queue of a filter: ',
-                'queue_size=3, ...)']),
+                'queue_size=3, ...). Or make the publisher send the transforms sooner, or']),
     Situation('scans without a stamp', World(
         [DRIVER, LASER], sensors=[Sensor(stamp=lambda _: 0)]), [],
         ['message_zero_stamp'], [{'sensors': [Sensor()]}],

@@ -129,11 +129,12 @@ FAULTS = {
               if i == 51 else {}, edges=['odom base_link'])[:-48], ['base_link'],
         '^1 of 52 transforms of base_link with an earlier stamp'),
 }
+#: By code: the stamp before the fault, if it has a single time.
+TIMES = {'gap': at(49), 'jump': at(100), 'message_never': at(99), 'time_goes_back': at(49)}
 #: What is found, too, since it follows from the fault.
 ALSO = {'message_never': {'gap'}, 'time_goes_back': {'same_stamp'}}
 #: By description: messages that come close to a fault, and where nothing is wrong.
 HEALTHY = {
-    'jitter': robot(change=lambda i: {'stamp': at(i) + i % 3 * 9 * MS, 'delay': 30 * MS}),
     'a short gap': [message for i, message in enumerate(robot()) if not 50 < i <= 70],
     'some late arrivals': robot(change=lambda i: {'delay': 700 * MS if i > 97 else MS}),
     'the same transform twice': [
@@ -204,13 +205,8 @@ CASES = {
     'two runs of a simulation that begins at 0': (
         [tf(run * 500 + i, 'map odom', stamp=i * 20 * MS) for run in (0, 1) for i in range(400)],
         {'time_goes_back'}),
-    'a clock is set while a bag is recorded': (
-        robot(500, lambda i: {'stamp': at(i) - 40 * S * (i < 200)}), {'other_clock'}),
     'stamps of 0 at the beginning': (
         robot(change=lambda i: {'stamp': 0} if i < 3 else {}), {'zero_stamp'}),
-    'a rare frame': ([tf(i * 180_000, 'map odom') for i in range(13)], set()),
-    'a root with a letter less': (
-        [*robot(), static('base_lnk lamp')], {'similar_name', 'several_trees'}),
     'roots of short words': (
         [*robot(), static('wheel_fl a'), static('wheel_fr b')], {'several_trees'}),
     'a root with another number': ([*robot(), static('map2 lamp')], {'several_trees'}),
@@ -239,8 +235,6 @@ CASES = {
     'a scan with microseconds in nanosec': (
         [*robot(150), *(('/scan', at(i), bags.point('laser', at(i) // S * S + at(i) % S // 1000),
                          POINT) for i in range(150))], {'nanosec'}),
-    **{f'a lidar {shift} s off': ([*robot(300), *scans(count=200, shift=shift * S)], {
-        'message_other_clock'}) for shift in (37, -37, 28_800)},
     'a huge quaternion': (
         with_pose(robot(), 7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e200)), {'unnormalized'}),
 }
@@ -261,7 +255,7 @@ def test_each_fault(capsys, tmp_path, code, kind):
     finding = findings[code]
     assert sorted(finding['frames']) == sorted(frames)
     assert re.search(evidence, finding['evidence'])
-    assert finding['severity'] == CHECKS[code].severity
+    assert (finding['severity'], finding['time']) == (CHECKS[code].severity, TIMES.get(code, 0))
     assert finding['remedy'] == CHECKS[code].remedy
     if kind != 'bag':
         assert finding['nodes'] == []
@@ -504,20 +498,6 @@ def test_a_late_transform_of_the_old_run(capsys, tmp_path, kind, late, number):
     assert [text.partition(', from ')[2] for text in texts] == [
         f'{late}.000000000; a buffer with the default cache of 10 s refuses {number} transforms'
     ] * bool(number)
-
-
-def test_a_late_transform_while_the_new_run_sends(capsys, tmp_path):
-    """The transforms that it makes old are counted."""
-    path = bags.make(tmp_path, 'bag', [
-        tf(i, 'odom base', stamp=100 * S if i == 20 else 5 * S + i * S // 10,
-           publisher='/old_node' if i == 20 else '/sim') for i in range(70)])
-    _, found = doctor(capsys, path)
-    assert {each['code'] for each in found['findings']} == {'two_publishers', 'time_goes_back'}
-    assert found['findings'][1]['evidence'] == (
-        '1 of 70 transforms of base with an earlier stamp than the one before; the largest step '
-        'back is 92.9 s, from 100.000000000; a buffer with the default cache of 10 s refuses 49 '
-        'transforms')
-    assert found['findings'][1]['nodes'] == ['/sim', '/old_node']
 
 
 def test_the_remedy_for_transforms_that_were_refused(tmp_path):
@@ -769,17 +749,6 @@ def test_two_publishers_of_an_edge(capsys, tmp_path):
     path = bags.make(tmp_path, 'bag', in_order(FAULTS['two_publishers'][0]))
     assert main(['--bag', str(path), 'odom', 'base_link']) == 0
     assert '  /robot, /other' in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(('code', 'times'), [
-    ('gap', {'gap': at(49)}), ('jump', {'jump': at(100)}),
-    ('message_never', {'gap': at(99), 'message_never': at(99)}),
-    ('time_goes_back', {'same_stamp': 0, 'time_goes_back': at(49)}),
-    ('two_publishers', {'two_publishers': 0})])
-def test_the_time_of_a_finding(tmp_path, code, times):
-    """It is that of the stamp before the gap, and so on; 0 if the fault is everywhere."""
-    report = examine(bags.make(tmp_path, 'bag', in_order(FAULTS[code][0])))
-    assert {finding.code: finding.time for finding in report.findings} == times
 
 
 @pytest.mark.parametrize(('first', 'every'), [(1, 2), (3, 5)])

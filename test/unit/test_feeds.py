@@ -1,7 +1,7 @@
 """What feeds transforms, and what other topics have: which of it is a fault."""
 
 import pytest
-from recorded import MS, observed, S, T, tf
+from recorded import MS, observed, T, tf
 
 from puretf._causes.facts import Facts, Frames, Heard, Surroundings
 from puretf._causes.lookups import RULES
@@ -95,23 +95,6 @@ def joints(*senders):
     return {'joint_senders': {'/joint_states': senders}}
 
 
-#: The frame odom jumps now and then.
-JUMPS = [tf(i, i, 'map odom', x=9.0 * (i % 100 == 0)) for i in range(0, 2000, 20)]
-READERS = {'joint_readers': {'/joint_states': ['/rsp']}, 'nodes': {'/robot': '/rsp'}}
-
-
-def test_two_nodes_send_a_joint():
-    """Both are named, with the joint and the frame; its jumps are not reported beside it."""
-    assert codes(JUMPS, **READERS) == {'jump'}
-    report = examine(observed(JUMPS, [], **READERS, **joints(
-        sender('/driver', 'turn'), sender('/gui', 'grip', 'turn'), sender('/hand', 'tip'))))
-    (finding,) = report.findings
-    assert (finding.code, finding.nodes) == ('two_joint_publishers', ('/driver', '/gui'))
-    assert (finding.frames, finding.topics) == (('odom',), ('/joint_states',))
-    assert finding.evidence == (
-        '/driver (2 messages), /gui (2 messages) send turn on /joint_states')
-
-
 @pytest.mark.parametrize('senders', [
     [sender('/arm', 'turn'), sender('/gripper', 'grip')],
     [sender('/old', 'turn'), sender('/new', 'turn', first=1001, last=2000)],
@@ -130,31 +113,6 @@ def test_joint_states_of_another_robot():
 
 
 # The clock
-
-
-def test_three_nodes_publish_the_clock():
-    """All are named, and stamps are not judged by such a clock."""
-    back = [tf(i, i - 1500 * (i >= 1000), 'map odom') for i in range(0, 2000, 20)]
-    assert codes(back) >= {'time_goes_back'}
-    report = examine(observed(back, [], clocks=[
-        sender('/a'), sender('/b', ahead=-9000), sender('/c'),
-        sender('/old', first=-900, last=-800)]))
-    (finding,) = report.findings
-    assert (finding.code, finding.nodes) == ('two_clocks', ('/a', '/b', '/c'))
-    assert finding.evidence.startswith(
-        '/a (2 messages), /b (2 messages), /c (2 messages) publish /clock, ')
-
-
-@pytest.mark.parametrize(('delay', 'shift', 'remedy'), [
-    (250, 0, 'make the publisher send the transforms sooner, or more often.'),
-    (0, 150, 'correct the clock that stamps the messages.')])
-def test_what_to_do_instead_of_waiting(delay, shift, remedy):
-    """It depends on whether the stamps of messages are ahead."""
-    content = [tf(i + delay, i, 'odom base') for i in range(0, 20_000, 20)]
-    messages = [(i, i + shift) for i in range(0, 20_000, 110)]
-    (finding,) = examine(observed(content, messages)).findings
-    assert finding.code == 'message_early'
-    assert finding.remedy.endswith(f'Or {remedy}')
 
 
 @pytest.mark.parametrize(('lead', 'ahead', 'others', 'found', 'remedy'), [
@@ -210,24 +168,6 @@ def test_the_clock_of_the_arrivals(shift, code, is_bag, severity):
             content, messages, 'map', has_record_times=is_bag)).findings
         assert (finding.code, finding.severity) == (code, 'warning' if is_blamed else severity)
         assert ('Compare the clock of the computer' in finding.remedy) is not is_blamed
-
-
-def test_a_bag_that_is_played_without_clock():
-    content = [tf(i * 20, i * 20 - 10**9, 'map odom') for i in range(200)]
-    (finding,) = examine(observed(content, [], nodes={'/robot': '/rosbag2_player'})).findings
-    assert finding.remedy == 'Play the bag with --clock, and set use_sim_time.'
-
-
-@pytest.mark.parametrize(('present', 'ending', 'remedy'), [
-    ([], '50.0 Hz before; /driver has ended', 'Start /driver again.'),
-    (['/robot'], '50.0 Hz before', 'Look at the node')])
-def test_a_node_that_has_ended(present, ending, remedy):
-    content = [tf(i * 20, i * 20, 'map odom') for i in range(200)]
-    (finding,) = examine(observed(
-        content, [], nodes={'/robot': '/driver'}, present=present, end=T + 8 * S)).findings
-    assert finding.code == 'gap'
-    assert finding.evidence.endswith(ending)
-    assert finding.remedy.startswith(remedy)
 
 
 def test_a_simulation_that_is_started_again():
