@@ -323,7 +323,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own, and those whose
     # frames differ by numbers only.
-    robots: dict[str, dict[int, list[tuple[str, str]]]] = {}
+    robots: dict[str, dict[int, tuple[dict[str, None], dict[str, None]]]] = {}
     first: dict[tuple[str, ...], int] = {}
     kinds = [first.setdefault(tuple(sorted(re.sub(r'\d+', '', name) for name in tree)), i)
              for i, tree in enumerate(observation.trees)]
@@ -332,15 +332,13 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
         for topic in topics if name in observation.tree_of else ():
             namespace = topic.split('/')[1]
             trees = robots.setdefault(namespace if name.startswith(f'{namespace}/') else '', {})
-            trees.setdefault(kinds[observation.tree_of[name]], []).append((name, topic))
-    for trees in robots.values():
-        parts = [[[*dict.fromkeys(names)] for names in zip(*pairs)] for pairs in trees.values()]
-        if len(parts) > 1:
-            yield _Fault(
-                f'headers use frames of {len(parts)} trees: ' + '; '.join(
-                    f'{_names(names)} on {_names(topics)}' for names, topics in parts[:SHOWN]), (),
-                chain(*(names for names, _ in parts)), [*chain(*(topics for _, topics in parts))],
-                remedy=observation.missing_part)
+            names, on = trees.setdefault(kinds[observation.tree_of[name]], ({}, {}))
+            names[name] = on[topic] = None
+    for parts in ([*trees.values()] for trees in robots.values() if len(trees) > 1):
+        texts = [f'{_names(names)} on {_names(on)}' for names, on in parts[:SHOWN]]
+        yield _Fault(f'headers use frames of {len(parts)} trees: {"; ".join(texts)}', (),
+                     chain(*(names for names, _ in parts)), [*chain(*(on for _, on in parts))],
+                     remedy=observation.missing_part)
 
 
 @_check('volatile_listener', 'Use a TransformListener, or give the subscription the durability '
@@ -497,9 +495,8 @@ def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that do not advance; lookups at any other time fail."""
     for tracks in observation.by_publisher(itemgetter('stall')):
         stalls = [each for track in tracks if (each := track.stream.stall)]
-        stamps = sorted({each.stamp for each in stalls})
-        yield _Fault(f'{_share(tracks, "stalled")} with a stamp that stands, at '
-                     f'{comma_list([*map(exact_time, stamps)])} for '
+        stamps = comma_list([*map(exact_time, sorted({each.stamp for each in stalls}))])
+        yield _Fault(f'{_share(tracks, "stalled")} with a stamp that stands, at {stamps} for '
                      f'{in_words(max(each.span for each in stalls))}', tracks,
                      severity='' if any(each.is_last for each in stalls) else WARNING)
 
@@ -602,12 +599,12 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
     sample = ' of a sample' if any(topic.step > 1 for topic, _ in topics) else ''
     ahead = _lead(topics) if child else 0
     clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
-    return _Fault(
-        f'{count} of {number} messages{sample} on {_names(names)} {what}{clock}', (),
-        [topic.frames[i] for topic, found in topics
-         for i in np.unique(topic.frame_numbers[found]).tolist()], names,
-        [*chain(*(observation.senders.get(name, ()) for name in names)),
-         *map(observation.node_of, observation.dynamic_tracks(child))], remedy)
+    frames = [topic.frames[i] for topic, found in topics
+              for i in np.unique(topic.frame_numbers[found]).tolist()]
+    nodes = [*chain(*(observation.senders.get(name, ()) for name in names)),
+             *map(observation.node_of, observation.dynamic_tracks(child))]
+    return _Fault(f'{count} of {number} messages{sample} on {_names(names)} {what}{clock}', (),
+                  frames, names, nodes, remedy)
 
 
 def _lead(topics: _Messages) -> int:

@@ -14,7 +14,7 @@ from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import judge, MessageTimes
-from puretf_tools.doctor.stream import Edge, Stream
+from puretf_tools.doctor.stream import Edge, NEVER, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.gaps import in_words
@@ -184,13 +184,13 @@ class Observation:
     @cached_property
     def message_times(self) -> list[MessageTimes]:
         """From when on the messages with `own_headers` can be transformed at their stamps."""
-        arrivals = [each for each in (
-            *(track.stream.arrivals for track in self.tracks),
-            *(np.array(each.arrivals, np.int64) for each in self.own_headers.values()))
-            if len(each)]
-        begin = min((int(each.min()) for each in arrivals), default=0)
-        end = max((int(each.max()) for each in arrivals), default=0)
-        return [judge(topic, headers, self._edges_above, (begin, end), self.stamp_clock)
+        if not self.own_headers:
+            return []
+        arrivals = np.concatenate([
+            *(each.arrivals for each in {*map(self.stream, self.by_child)}),
+            *(np.array(each.arrivals, np.int64) for each in self.own_headers.values())])
+        span = int(arrivals.min(initial=NEVER)), int(arrivals.max(initial=0))
+        return [judge(topic, headers, self._edges_above, span, self.stamp_clock)
                 for topic, headers in sorted(self.own_headers.items())]
 
     def dynamic_tracks(self, child: str) -> list[Track]:

@@ -73,7 +73,8 @@ class Stream:
     """
     The arrivals and the stamps of the transforms of a frame, or of the messages of a topic.
 
-    Of what is computed, only numbers are kept, since there can be millions of messages.
+    Of what is computed, only numbers are kept, and the `edge` if messages need it, since there can
+    be millions of them.
     """
 
     def __init__(self, arrivals: _Array, stamps: _Array, times: Optional[_Array] = None,

@@ -61,10 +61,8 @@ class StampClock:
         """
         values, system = np.array(stamps, np.int64), np.array([self.system()])
         to_system, now = np.abs(system - values), self._simulated(system)
-        fits_clock = np.zeros(len(values), np.bool_)
-        if now is not None:
-            to_clock = np.abs(now - values)
-            fits_clock = (to_clock <= OTHER_CLOCK) & (to_clock + SECOND < to_system)
+        to_clock = to_system if now is None else np.abs(now - values)
+        fits_clock = (to_clock <= OTHER_CLOCK) & (to_clock + SECOND < to_system)
         fits_system = (to_system <= OTHER_CLOCK) & ~fits_clock
         if not (fits_clock | fits_system).any():
             return None
