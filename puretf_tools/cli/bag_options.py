@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Optional
 
-from puretf import TransformBuffer
 from puretf.bag import Bag, BagError, is_bag
 from puretf.bag import open as open_bag
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.parser import CommandError, Parser, UsageError
-from puretf_tools.cli.progress import progress
+from puretf_tools.cli.progress import DEFAULT_TIME, listening_time, progress
+from puretf_tools.cli.times import When
 
 #: Remedies in Python, and the same for commands.
 _REMEDIES = {'partial=True': '--partial', 'pass namespace=': 'pass --namespace',
@@ -36,14 +37,18 @@ class BagOption(NamedTuple):
                 on_progress=show) as bag:
             yield bag
 
-    def read(self) -> TransformBuffer:
-        with self.opened() as bag:
-            return bag.read()
 
+def add_bag_options(parser: Parser, *listening: str) -> None:
+    """
+    Add options; the command gets a `BagOption`, or None, as the argument `bag`.
 
-def add_bag_options(parser: Parser) -> None:
-    """Add options; the command gets a `BagOption`, or None, as the argument `bag`."""
-    parser.prepare, parser.finish = _repeat_option, _join
+    :param listening: the names of the option for how long to listen without a bag: `seconds`.
+    """
+    parser.prepare, parser.finish = _repeat_option, partial(_join, listening)
+    if listening:
+        parser.add_argument(*listening, type=listening_time, dest='seconds', metavar='SECONDS',
+                            help='how long to listen, from the first transform on (s; default: '
+                                 f'{DEFAULT_TIME:g})')
     parser.add_argument('--bag', action='append', metavar='FILE...',
                         help='read the transforms from a bag, without ROS: a rosbag2 directory, a '
                         '.mcap or .db3 file, or a .bag of ROS 1. Of a recording that was split, '
@@ -74,13 +79,20 @@ def _repeat_option(arguments: Sequence[str]) -> list[str]:
     return repeated
 
 
-def _join(options: dict[str, Any]) -> None:
-    """Join the options of a bag to one."""
+def _join(listening: Sequence[str], options: dict[str, Any]) -> None:
+    """Join the options of a bag to one; check those that need a bag, or none."""
     paths, is_partial = options['bag'], options.pop('partial')
     if is_partial and paths is None:
         raise UsageError('--partial needs --bag')
     if not all(paths or ()):
         raise UsageError('--bag needs the path of a bag, got an empty one')
+    if not paths and any(isinstance(each, When) and each.sign for each in options.values()):
+        raise UsageError('a time with a sign counts from the start or the end of a bag: it needs '
+                         '--bag')
+    if listening:
+        if paths and options['seconds'] is not None:
+            raise UsageError(f'{" or ".join(listening)} is for listening: leave it out with --bag')
+        options['seconds'] = options['seconds'] or DEFAULT_TIME
     options['bag'] = paths and BagOption(paths, options['namespace'], is_partial)
 
 

@@ -51,6 +51,14 @@ def number(text: str) -> float:
     return value
 
 
+def frame_name(text: str) -> str:
+    """Convert an argument to the name of a frame, without a leading slash."""
+    name = text.removeprefix('/')
+    if not name:
+        raise argparse.ArgumentTypeError('a frame must have a name')
+    return name
+
+
 def run(parser: Parser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
     """

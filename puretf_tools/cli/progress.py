@@ -1,12 +1,13 @@
 """Progress bars on a terminal, and waits with a progress bar: how long the commands listen."""
 
+from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import sys
 import time
-from typing import Any, Optional
+from typing import Any
 
-from puretf_tools.cli.parser import UsageError
+from puretf_tools.cli.parser import number
 from puretf_tools.cli.signals import check_signals, signals_blocked, wait_until
 
 #: The format of a bar over a time (s).
@@ -58,13 +59,13 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
         return wait_until(seconds, holds)
 
 
-def listening_time(given: Optional[float]) -> float:
-    """Return how long a command listens (s); None: the default."""
-    time = DEFAULT_TIME if given is None else given
-    if not 0.0 < time <= _LONGEST_TIME:
-        raise UsageError(f'the time to listen must be more than 0 s, and at most '
-                         f'{_LONGEST_TIME:g} s, got {time:g}')
-    return time
+def listening_time(text: str) -> float:
+    """Convert an argument to how long a command listens (s)."""
+    seconds = number(text)
+    if not 0.0 < seconds <= _LONGEST_TIME:
+        raise ArgumentTypeError(f'the time to listen must be more than 0 s, and at most '
+                                f'{_LONGEST_TIME:g} s, got {seconds:g}')
+    return seconds
 
 
 def listen(seconds: float, has_received: Callable[[], object],

@@ -7,7 +7,6 @@ import re
 from typing import NamedTuple
 
 from puretf import SECOND
-from puretf_tools.cli.errors import UsageError
 
 #: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
@@ -24,13 +23,6 @@ class When(NamedTuple):
     def within(self, span: tuple[int, int]) -> int:
         """Return the time (ns) in a bag with a begin and an end."""
         return {'': 0, '+': span[0], '-': span[1]}[self.sign] + self.time
-
-    def absolute(self, option: str) -> int:
-        """Return the time (ns); raise a UsageError if it refers to a bag."""
-        if self.sign:
-            raise UsageError(f'{option} with a sign counts from the start or the end of a bag: '
-                             'it needs --bag')
-        return self.time
 
 
 #: The latest time for which there is a transform.

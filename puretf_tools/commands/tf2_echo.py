@@ -1,24 +1,23 @@
 """The command `tf2_echo`: print the transform between two frames repeatedly."""
 
-from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from math import degrees
 from time import monotonic
-from typing import Optional
-
-import numpy as np
+from typing import Optional, TYPE_CHECKING
 
 from puretf import exact_time, SECOND, Transform, TransformException
 from puretf._text.names import shortened, visible
 from puretf.exceptions import tf2_words
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
-from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.parser import CommandError, frame_name, number, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
-from puretf_tools.inspection.bag_times import span_of, why_outside
-from puretf_tools.inspection.gaps import holes_at
 from puretf_tools.inspection.terminal import fixed_point, Once
+from puretf_tools.source import source
+
+if TYPE_CHECKING:
+    from puretf_tools.inspection.frame_listener import FrameListener
 
 RATE = 1.0  # Hz
 PRECISION = 3
@@ -60,9 +59,6 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
 
     Compared with `lookup_transform`, the names of the two frames are swapped.
     """
-    source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
-    if not source_frame or not target_frame:
-        raise UsageError('a frame must have a name')
     rates = [given for given in (echo_rate, rate) if given is not None]
     if len(rates) == 2:
         raise UsageError('the rate is given twice')
@@ -73,69 +69,45 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
         raise UsageError(f'the rate must be more than 0 Hz, got {hertz:g}')
     if not 0 <= precision <= _MAX_DIGITS:
         raise UsageError(f'the precision must be from 0 to {_MAX_DIGITS} digits, got {precision}')
-    if bag:
-        with bag.opened() as opened:
-            buffer = opened.read()
-        span = span_of(buffer.frames(), (opened.begin, opened.end))
-        stamp = time.within(span)
-        try:
-            transform = buffer.lookup_transform(source_frame, target_frame, stamp)
-        except TransformException as error:
-            raise CommandError(why_outside(stamp, span) or str(error)) from None
-        print(format_transform(transform, precision))
-        for hole in filter(None, holes_at(
-                buffer, source_frame, target_frame, np.array([transform.stamp]))):
-            print(hole.interpolated(span[0]))
-        return 0
-    return _echo(source_frame, target_frame, hertz, time.absolute('-t'), precision, once,
-                 ros_args, namespace)
-
-
-def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precision: int,
-          is_once: bool, ros_args: Sequence[str], namespace: str) -> int:
-    from rclpy.time import Time
-
-    from puretf_tools.cli.node import spinning_node
-    from puretf_tools.inspection.frame_listener import FrameListener
-    with spinning_node('tf2_echo', ros_args, namespace) as node:
-        frame_listener = FrameListener(node)
-        buffer = frame_listener.buffer
-        say = Once()
-        while why := frame_listener.why_no_transform(source_frame, target_frame, time, say):
-            node.get_logger().info(
-                f'Waiting for transform {shortened(source_frame)} ->  {shortened(target_frame)}: '
-                f'{_visible_lines(why)}')
-            next_log = monotonic() + _LOG_PERIOD
-            while monotonic() < next_log and not buffer.can_transform(
-                    source_frame, target_frame, Time(nanoseconds=time)):
-                sleep(_LOOKUP_PERIOD)
-        told = ''
+    with source('tf2_echo', bag, namespace, ros_args) as found:
+        listener, ends = found.listener, (source_frame, target_frame, time.within(found.span))
+        if listener:
+            _wait(listener, *ends)
+        elif why := found.why_not(*ends):
+            raise CommandError(why)
+        told, say = '', Once()
         while True:
-            before, told = told, frame_listener.time_hint()
+            before, told = told, listener.time_hint() if listener else ''
             if told not in ('', before):
                 print(visible(told))
                 sleep(_LOOKUP_PERIOD)  # until the next transforms arrive
             try:
-                print(format_transform(Transform.from_message(buffer.lookup_transform(
-                    source_frame, target_frame, Time(nanoseconds=time))), precision))
-                if is_once:
+                transform = found.lookup(*ends)
+                print(format_transform(transform, precision))
+                if note := found.interpolated(source_frame, target_frame, transform.stamp):
+                    print(note)
+                if once or bag:
                     return 0
                 say = Once()
             except TransformException as error:
                 words = tf2_words(error)
-                frames = buffer.all_frames_as_string()
                 print(_visible_lines(
-                    f'Failure at {frame_listener.now() / SECOND:.3f}\n'
+                    f'Failure at {found.now() / SECOND:.3f}\n'
                     f'Exception thrown:{say(str(error), words)}\n'
-                    f'The current list of frames is:\n{frames}'))
+                    f'The current list of frames is:\n{found.buffer.all_frames_as_string()}'))
             sleep(1.0 / hertz)
 
 
-def digits(text: str) -> int:
-    value = number(text)
-    if value != int(value):
-        raise ArgumentTypeError(f'{text!r} is not a whole number')
-    return int(value)
+def _wait(listener: 'FrameListener', source_frame: str, target_frame: str, stamp: int) -> None:
+    """Wait for a transform; log once a second what is missing."""
+    ends, say = (source_frame, target_frame, stamp), Once()
+    while why := listener.why_no_transform(*ends, say):
+        listener.node.get_logger().info(
+            f'Waiting for transform {shortened(source_frame)} ->  {shortened(target_frame)}: '
+            f'{_visible_lines(why)}')
+        next_log = monotonic() + _LOG_PERIOD
+        while monotonic() < next_log and listener.buffer.why_not(*ends, has_hint=False):
+            sleep(_LOOKUP_PERIOD)
 
 
 def _visible_lines(text: str) -> str:
@@ -150,13 +122,13 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'examples: tf2_echo map base_link\n          tf2_echo map base_link 10\n'
         '          tf2_echo map base_link --once -p 6\n'
         '          tf2_echo --bag robot.mcap map base_link -t 1795204940.25')
-    parser.add_argument('source_frame')
-    parser.add_argument('target_frame')
+    parser.add_argument('source_frame', type=frame_name)
+    parser.add_argument('target_frame', type=frame_name)
     parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
                         help=f'how often to print the transform (Hz; default: {RATE:g})')
     parser.add_argument('-r', '--rate', type=number, help='the rate (Hz), as an option')
     parser.add_argument('-t', '--time', type=when, default=LATEST, help=f'{WHEN} (default: 0)')
-    parser.add_argument('-p', '--precision', type=digits, default=PRECISION, metavar='DIGITS',
+    parser.add_argument('-p', '--precision', type=int, default=PRECISION, metavar='DIGITS',
                         help='digits after the point (default: %(default)s)')
     parser.add_argument('--once', action='store_true', help='print the transform once, then exit')
     add_bag_options(parser)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial as partial_function
 from itertools import chain
 import json
@@ -12,15 +12,13 @@ import sys
 import threading
 from typing import Any, Optional, TYPE_CHECKING
 
-import numpy as np
-
 from puretf import exact_time, in_seconds
 from puretf._causes.facts import OTHER_CLOCK, Publisher, Surroundings
 from puretf._text.names import TF_MESSAGE, visible
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
-from puretf_tools.cli.parser import number, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress, wait
+from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, progress
 from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
@@ -30,41 +28,38 @@ from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.stream import FUTURE
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.doctor.troubleshooting import explained
-from puretf_tools.inspection.bag_times import both, span_of, why_outside
-from puretf_tools.inspection.gaps import holes_at, in_words
-from puretf_tools.inspection.stamp_clock import PATIENCE
+from puretf_tools.inspection.bag_times import both
 from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
+from puretf_tools.source import source
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+    from puretf_tools.inspection.frame_listener import FrameListener
 
 #: The time between two looks at the processes that examine bags (s).
 _POLL = 0.05
 
 
 def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: When = LATEST,
-            duration: Optional[float] = None, as_json: bool = False,
+            seconds: float = DEFAULT_TIME, as_json: bool = False,
             ignore: Sequence[str] = (), list_codes: bool = False,
             bag: Optional[BagOption] = None, namespace: str = '', jobs: Optional[int] = None,
             words: Optional[Sequence[str]] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Print what is wrong with the transforms, or explain the path between two frames."""
-    ends = [name.removeprefix('/') for name in (frame_a, frame_b) if name is not None]
-    if len(ends) == 1 or not all(ends):
+    if frame_a and not frame_b:
         raise UsageError('give two frames to explain the path between them, or none to check '
                          'everything')
-    if t != LATEST and not ends:
+    if t != LATEST and not frame_b:
         raise UsageError('-t needs two frames')
     try:
         check_codes(ignore)
     except ValueError as error:
         raise UsageError(str(error)) from None
-    if bag is not None and duration is not None:
-        raise UsageError('--time is for listening: leave it out with --bag')
-    if jobs is not None and (bag is None or ends or jobs < 1):
+    if jobs is not None and (bag is None or frame_b or jobs < 1):
         raise UsageError(f'--jobs must be at least 1, got {jobs}' if jobs < 1 else
                          '--jobs is for examining bags, with --bag and without frames')
-    duration = listening_time(duration)
     if list_codes:
         for check in CHECKS.values():
             print(f'{check.code} ({check.severity})',
@@ -76,16 +71,14 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: Whe
         except ValueError as error:
             raise UsageError(str(error)) from None
         return 0
-    if ends:
-        pair = ends[0], ends[1]
-        explanation = (_explain_bag(pair, t, bag) if bag else
-                       _explain_live(pair, t.absolute('-t'), duration, ros_args, namespace))
+    if frame_a and frame_b:
+        explanation = _explain((frame_a, frame_b), t, seconds, bag, namespace, ros_args)
         print(json.dumps(explanation.as_dict(), indent=2) if as_json else explanation)
         return int(bool(explanation.why_not))
     if bag is not None:
         return _examine_bags(bag.paths, jobs or 1, as_json, partial_function(
             examine_bag, ignore=ignore, namespace=namespace, partial=bag.is_partial))
-    report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
+    report = examine(_observe_live(seconds, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
 
@@ -165,7 +158,11 @@ def _results(found: Sequence[Sequence[Path]], jobs: int,
                     process.kill()
 
 
-def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Explanation:
+# The path between two frames
+
+
+def _explain(ends: tuple[str, str], when: When, seconds: float, bag: Optional[BagOption],
+             namespace: str, ros_args: Sequence[str]) -> Explanation:
     # A buffer knows only the last publisher of a frame.
     observer = BagObserver()
 
@@ -173,61 +170,74 @@ def _explain_bag(ends: tuple[str, str], time_: When, option: BagOption) -> Expla
         if message.publisher != NOT_RECORDED:
             observer.add(message)
 
-    with option.opened() as bag:
-        buffer = bag.read(on_message=add)
-    span = span_of(buffer.frames(), (bag.begin, bag.end))
-    stamp = time_.within(span)
-    explanation = explain(buffer, ends, stamp, observer.counted().publishers_by_child({}))
-    if explanation.why_not:
-        why = why_outside(stamp, span) or explanation.why_not
-        return explanation._replace(why_not=why)
-    if not explanation.stamp:
-        return explanation
-    hole, = holes_at(buffer, *ends, np.array([explanation.stamp]))
-    note = f'. It is {hole.interpolated(span[0])}' if hole else ''
-    return explanation._replace(when=f'at {both(explanation.stamp, span[0])}{note}')
+    with source('tf_doctor', bag, namespace, ros_args, seconds,
+                lambda opened: opened.read(on_message=add)) as found:
+        buffer, stamp, nodes = found.buffer, when.within(found.span), dict[str, str]()
+        if listener := found.listener:
+            counter = _Counter(listener)
+            found.listen(seconds, counter.poll)
+            nodes = listener.names_of(counter.statistics.publishers())
+        statistics = counter.statistics if listener else observer.counted()
+        explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
+        if listener and not buffer.frame_names():
+            why = f'No transform has been received. {listener.why_nothing()}'
+            return explanation._replace(why_not=why)
+        if explanation.why_not:
+            return explanation._replace(
+                why_not=found.why_not(*ends, stamp) or explanation.why_not)
+        if not explanation.stamp:
+            return explanation
+        if not listener:
+            note = found.interpolated(*ends, explanation.stamp)
+            when_ = f'at {both(explanation.stamp, found.span[0])}{note and f". It is {note}"}'
+        elif not stamp:
+            clock = listener.clock_text()
+            when_ = (f'{explanation.when}{_age(listener.now(), explanation.stamp)}'
+                     f'{clock and f" ({clock})"}')
+        return explanation._replace(when=when_)
+
+
+def _age(now: int, stamp: int) -> str:
+    if not now:
+        return ' (use_sim_time is set, but no message has arrived on /clock)'
+    if stamp > now + FUTURE:
+        is_foreign = stamp > now + OTHER_CLOCK
+        return (f', {in_words(stamp - now)} after the time of this node, {exact_time(now)}'
+                f'{": they are on different clocks" if is_foreign else ""}')
+    return f', {in_seconds(max(0, now - stamp)):.3f} s before the end of listening'
 
 
 # A live system
 
 
-class _Listening:
-    """A listener, and the statistics of what it has received."""
+class _Counter:
+    """The statistics of what a listener has received."""
 
-    def __init__(self, node: 'Node', longer: float = 0.0) -> None:
-        """Subscribe; keep transforms for some seconds longer than usual."""
-        from puretf_tools.inspection.frame_listener import FrameListener
-        self.listener = FrameListener(node, longer)
-        self.statistics = Statistics(SETTLING, self.listener.clock)
+    def __init__(self, listener: 'FrameListener') -> None:
+        self._listener = listener
+        self.statistics = Statistics(SETTLING, listener.clock)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
 
     def poll(self) -> None:
         """Count what has arrived."""
-        self.end = self.listener.now()
-        received, dropped = self.listener.dated()
+        self.end = self._listener.now()
+        received, dropped = self._listener.dated()
         self.dropped += dropped
         self.statistics.add_messages(received)
 
-    def settle(self) -> None:
-        """Wait until the clock of the stamps is known; count the rest."""
-        if not self.listener.knows_clock():
-            with suppress(KeyboardInterrupt):
-                wait(PATIENCE, 'waiting for /clock', self.listener.knows_clock)
-            self.listener.patience = 0.0
-        self.poll()
 
-
-def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
+def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms and to what is beside them; add what the ROS graph knows."""
     from puretf.publisher_listener import nodes_on, TransformSampler
-    from puretf_tools.cli.node import spinning_node
     from puretf_tools.inspection.clock_sampler import SimTimeSurvey
     from puretf_tools.inspection.header_sampler import HeaderSampler
     from puretf_tools.robot.description_listener import RobotListener
-    with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
-        listening = _Listening(node)
-        listener, statistics = listening.listener, listening.statistics
+    with source('tf_doctor', None, namespace, ros_args) as found, ExitStack() as stack:
+        listener = found.listener
+        assert listener
+        node, counter = listener.node, _Counter(listener)
+        statistics = counter.statistics
         static, dynamic = listener.topics
         headers, robots = HeaderSampler(node), RobotListener(node, dynamic)
         transforms = TransformSampler(node, (static, dynamic))
@@ -239,16 +249,15 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             stack.callback(sampler.close)
 
         def poll() -> None:
-            for each in listening, survey, headers, robots, transforms:
+            for each in counter, survey, headers, robots, transforms:
                 each.poll()
 
-        elapsed = listen(duration, listener.buffer.frame_names, poll)
-        listening.settle()
+        elapsed = found.listen(seconds, poll)
         joint_senders, around = robots.senders(), listener.around()
         left_out = [f'headers on {topic}: {why}'
                     for topic, why in sorted(headers.not_read.items())]
-        if listening.dropped:
-            left_out.append(f'{listening.dropped} messages: they arrived too fast')
+        if counter.dropped:
+            left_out.append(f'{counter.dropped} messages: they arrived too fast')
         return Observation(
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
@@ -261,17 +270,17 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             other_transforms=transforms.heard(),
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                        if TF_MESSAGE in types and node.count_publishers(topic)],
-            not_known=_not_known(listening), left_out=left_out, end=listening.end,
+            not_known=_not_known(listener, counter), left_out=left_out, end=counter.end,
             ahead=listener.ahead, clock_text=listener.clock_text(),
             clock_stands=clock.stands(), around=around)
 
 
-def _not_known(listening: _Listening) -> dict[str, str]:
+def _not_known(listener: 'FrameListener', counter: _Counter) -> dict[str, str]:
     not_known = {}
-    tracks = listening.statistics.tracks()
-    if tracks and all(listening.listener.is_present(track.publisher) is None for track in tracks):
+    tracks = counter.statistics.tracks()
+    if tracks and all(listener.is_present(track.publisher) is None for track in tracks):
         not_known['nodes'] = 'the ROS graph does not know the publishers of the transforms'
-    if not listening.end:
+    if not counter.end:
         not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
     return not_known
 
@@ -304,38 +313,6 @@ def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
             and info.qos_profile.durability == DurabilityPolicy.VOLATILE]
 
 
-def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: Sequence[str],
-                  namespace: str) -> Explanation:
-    """Listen to transforms; then explain the path between two frames."""
-    from puretf_tools.cli.node import spinning_node
-    with spinning_node('tf_doctor', ros_args, namespace) as node:
-        listening = _Listening(node, duration)
-        listener, statistics = listening.listener, listening.statistics
-        buffer = listener.buffer
-        listen(duration, buffer.frame_names, listening.poll)
-        listening.settle()
-        nodes = listener.names_of(statistics.publishers())
-        explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
-        if not buffer.frame_names():
-            return explanation._replace(
-                why_not=f'No transform has been received. {listener.why_nothing()}')
-        now, clock = listener.now(), listener.clock_text()
-    if not explanation.stamp or stamp:
-        return explanation
-    return explanation._replace(
-        when=f'{explanation.when}{_age(now, explanation.stamp)}{clock and f" ({clock})"}')
-
-
-def _age(now: int, stamp: int) -> str:
-    if not now:
-        return ' (use_sim_time is set, but no message has arrived on /clock)'
-    if stamp > now + FUTURE:
-        is_foreign = stamp > now + OTHER_CLOCK
-        return (f', {in_words(stamp - now)} after the time of this node, {exact_time(now)}'
-                f'{": they are on different clocks" if is_foreign else ""}')
-    return f', {in_seconds(max(0, now - stamp)):.3f} s before the end of listening'
-
-
 def main(args: Optional[Sequence[str]] = None) -> int:
     """Run the command with some arguments, or those of the command line."""
     parser = Parser(
@@ -345,12 +322,10 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'examples: tf_doctor\n          tf_doctor --bag robot.mcap\n'
         '          tf_doctor --bag recordings/*.mcap --jobs 4 --json\n'
         '          tf_doctor map end_effector\n          tf_doctor --explain future')
-    parser.add_argument('frame_a', nargs='?')
-    parser.add_argument('frame_b', nargs='?')
+    for name in 'frame_a', 'frame_b':
+        parser.add_argument(name, nargs='?', type=frame_name)
     parser.add_argument('-t', type=when, default=LATEST, metavar='TIME',
                         help=f'with two frames: {WHEN} (default: 0)')
-    parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
-                        help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
     parser.add_argument('--json', dest='as_json', action='store_true',
                         help='print JSON: with --bag, one line for each bag')
     parser.add_argument('--ignore', action='append', default=[], metavar='CODE',
@@ -364,5 +339,5 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--jobs', type=int, metavar='N',
                         help='with several bags: how many are examined at the same time '
                         '(default: 1)')
-    add_bag_options(parser)
+    add_bag_options(parser, '--time')
     return run(parser, command, args)

@@ -3,7 +3,7 @@
 from argparse import Action
 from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
@@ -21,14 +21,14 @@ from puretf import exact_time, SECOND, TransformException
 from puretf._text.names import shortened, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
-from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME, listen, listening_time, progress
+from puretf_tools.cli.parser import CommandError, frame_name, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME, listen, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.cli.times import seconds, When, when
 from puretf_tools.inspection import gaps, recorded
 from puretf_tools.inspection.bag_times import both
-from puretf_tools.inspection.recorded import Recording
 from puretf_tools.inspection.terminal import is_terminal
+from puretf_tools.source import Source, source
 
 #: The files that can be written.
 TABLES, DRAWINGS = ('.csv', '.tum', '.npz'), ('.png', '.svg', '.pdf')
@@ -40,7 +40,7 @@ MAX_ROWS = 10_000_000
 MAX_DRAWN = 20_000
 #: The largest number in a drawing; matplotlib fails or does not end near the limit of float64.
 LARGEST_DRAWN = 1e300
-#: The number of rows that are looked up before they are written.
+#: The number of rows that are looked up, or written, between two checks for a signal.
 _PART = 8192
 #: Near gimbal lock, a norm below this number is an error by rounding.
 _ROUNDING = 4.0 * np.finfo(np.float64).eps
@@ -52,105 +52,92 @@ TWIST = ('vx_m_s', 'vy_m_s', 'vz_m_s', 'wx_rad_s', 'wy_rad_s', 'wz_rad_s')
 ARRAYS = {'positions': slice(0, 3), 'quaternions': slice(3, 7), 'rpy': slice(7, 10),
           'linear': slice(10, 13), 'angular': slice(13, 16)}
 
-#: Stamps, (n,) int64 (ns), and values, (n, 10) or, with a twist, (n, 16) float64.
-Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
-
 
 class Trajectory:
-    """The poses of a source frame in a target frame at increasing times (ns)."""
+    """The poses of a source frame in a target frame at increasing times."""
 
-    def __init__(self, recording: Recording, times: NDArray[np.int64], has_twist: bool,
-                 max_gap: Optional[int] = None, has_bar: bool = True) -> None:
-        self._buffer, self.target, self.source, self._zero, *_ = recording
-        self.times, self.has_twist, self._has_bar = times, has_twist, has_bar
-        self._has_limit = max_gap is not None
-        self._holes = gaps.holes_at(self._buffer, self.target, self.source, times, max_gap)
-        self._in_holes: Counter[gaps.Hole] = Counter()
-        #: The number of rows so far, and the stamps of the first and the last of them (ns).
-        self.count = self.begin = self.end = 0
-        self._last = np.zeros(4)  # the quaternion of the last row
-        self._missing = [np.empty(0, np.int64)]  # the times without a transform (ns)
-
-    def parts(self) -> Iterator[Rows]:
+    def __init__(self, found: Source, ends: tuple[str, str], edges: gaps.Edges,
+                 times: NDArray[np.int64], has_twist: bool, max_gap: Optional[int],
+                 has_bar: bool) -> None:
         """
-        Look up the poses part by part; times without a transform have rows of NaN.
+        Look up the poses.
 
+        :param ends: the target frame and the source frame.
+        :param edges: those between the two, from `path_edges`.
+        :param times: (n,) times (ns).
+        :param max_gap: the longest step of an edge over which poses are interpolated (ns).
         :raises CommandError: if no time has a transform.
         """
-        with progress(len(self.times), desc='looking up', disable=None if self._has_bar else True,
+        self.ends, self.times, self.has_twist = ends, times, has_twist
+        self._found, self._edges, self._max_gap = found, edges, max_gap
+        #: (n, 10) or, with a twist, (n, 16); NaN: there is no row.
+        self.values = np.full((len(times), len(POSE) + len(TWIST) * has_twist), np.nan)
+        with progress(len(times), desc='looking up', disable=None if has_bar else True,
                       bar_format='{desc} {bar} {n} of {total} rows') as show_progress:
-            for begin in range(0, len(self.times), _PART):
-                part = slice(begin, begin + _PART)
-                yield self._part(self.times[part], self._holes[part])
-                show_progress(begin + len(self.times[part]))
-        if not self.count:
+            for begin in range(0, len(times), _PART):
+                self._look_up(times[begin:begin + _PART], self.values[begin:begin + _PART])
+                show_progress(min(begin + _PART, len(times)))
+        self.values[~np.isfinite(self.values).all(axis=1) | (times == 0)] = np.nan
+        self._missing = times[~self.known]
+        holes = gaps.holes_at(edges, times, max_gap)
+        is_in_hole = self.known & holes.astype(np.bool_)
+        self._in_holes = Counter(holes[is_in_hole].tolist())
+        if max_gap is not None:
+            self.values[is_in_hole] = np.nan
+        self.stamps = times[self.known]  #: those of the rows
+        if not len(self.stamps):
             raise CommandError(f'there is no row: {"; ".join(self.remarks())}')
+        self.values[self.known, 3:7] = _without_flips(self.values[self.known, 3:7])
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether each time has a row."""
+        return np.asarray(~np.isnan(self.values[:, 0]))
+
+    def _look_up(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        buffer = self._found.buffer
+        values[:, :3], values[:, 3:7], known = buffer.lookup_transforms(*self.ends, times)
+        values[:, 7:10] = roll_pitch_yaw(values[:, 3:7])
+        for i in np.flatnonzero(known & self.has_twist).tolist():
+            with suppress(TransformException):
+                values[i, 10:] = np.ravel(self._twist(int(times[i])))
+
+    def __str__(self) -> str:
+        count, begin, end = len(self.stamps), *map(exact_time, self.stamps[[0, -1]])
+        return f'{count} row{"s" * (count > 1)} from {begin} s to {end} s'
 
     def remarks(self) -> Iterator[str]:
         """Yield a line for each reason why rows are left out, or may be wrong."""
-        missing = np.concatenate(self._missing)
-        dated = missing[missing != 0]
-        is_beyond, data = gaps.beyond_ends(self._buffer, self.target, self.source, dated)
-        others, in_holes = np.setdiff1d(missing, dated[is_beyond]), sum(self._in_holes.values())
+        dated = self._missing[self._missing != 0]
+        is_beyond, data = gaps.beyond_ends(self._edges, dated)
+        others = np.setdiff1d(self._missing, dated[is_beyond])
         if is_beyond.any():
             yield f'{self._some(int(is_beyond.sum()), "stamp")} outside the data of {data}'
         if len(others):
-            yield (f'{self._some(len(others))} left out, without a transform'
+            yield (f'{self._some(len(others), "row")} left out, without a transform'
                    f'{" or a velocity" * self.has_twist}; the first, at {exact_time(others[0])} '
                    f's: {self._why_not(int(others[0]))}')
-        if in_holes:
+        if in_holes := sum(self._in_holes.values()):
             hole = max(self._in_holes, key=lambda each: each.end - each.begin)
             rest = in_holes - self._in_holes[hole]
             others_too = f', and {rest} of the rows are in other gaps' if rest else ''
-            what = 'left out, in' if self._has_limit else 'interpolated over'
+            what = 'interpolated over' if self._max_gap is None else 'left out, in'
+            zero = None if self._found.listener else self._found.span[0]
             yield (f'{in_holes} row{"s are" if in_holes > 1 else " is"} {what} gaps without data: '
-                   f'{hole.edge} has none {hole.between(self._zero)}{others_too}')
+                   f'{hole.edge} has none {hole.between(zero)}{others_too}')
 
-    def _some(self, count: int, what: str = 'row') -> str:
+    def _some(self, count: int, what: str) -> str:
         return f'{count} of {len(self.times)} {what}s {"is" if count == 1 else "are"}'
 
-    def rows(self) -> Iterator[Rows]:
-        """Look up the poses as `parts`, without the rows of NaN."""
-        for stamps, values in self.parts():
-            known = ~np.isnan(values[:, 0])
-            if known.any():
-                yield stamps[known], values[known]
-
-    def _part(self, times: NDArray[np.int64], holes: NDArray[np.object_]) -> Rows:
-        positions, quaternions, known = self._buffer.lookup_transforms(
-            self.target, self.source, times)
-        known &= times != 0  # these are the latest poses
-        columns = [positions, quaternions, roll_pitch_yaw(quaternions)]
-        if self.has_twist:
-            columns.append(np.full((len(times), len(TWIST)), np.nan))
-            for i in np.flatnonzero(known).tolist():
-                with suppress(TransformException):
-                    columns[-1][i] = np.ravel(self._twist(int(times[i])))
-        values = np.hstack(columns)
-        known &= np.isfinite(values).all(axis=1)
-        self._missing.append(times[~known])
-        is_in_hole = known & holes.astype(np.bool_)
-        self._in_holes.update(holes[is_in_hole].tolist())
-        if self._has_limit:
-            known &= ~is_in_hole
-        values[~known] = np.nan
-        if known.any():
-            stamps = times[known].tolist()
-            self.begin, self.end = self.begin if self.count else stamps[0], stamps[-1]
-            self.count += len(stamps)
-            values[known, 3:7] = own = _without_flips(values[known, 3:7], self._last)
-            self._last = own[-1]
-        return times, values
-
     def _twist(self, time: int) -> Any:
-        return self._buffer.lookup_twist(self.target, self.source, time, TWIST_INTERVAL)
+        return self._found.buffer.lookup_twist(*self.ends, time, TWIST_INTERVAL)
 
     def _why_not(self, time: int) -> str:
         """Return why the row of a time (ns) is left out."""
         if not time:
             return ('the stamp is 0, and a lookup for time 0 returns the latest transform: set '
                     'the stamps')
-        if why := self._buffer.why_not(self.target, self.source, time):
+        if why := self._found.buffer.why_not(*self.ends, time):
             return why
         if self.has_twist:
             try:
@@ -160,13 +147,12 @@ class Trajectory:
         return 'a number is too large for a float64'
 
 
-def _without_flips(quaternions: NDArray[np.float64], last: NDArray[np.float64]
-                   ) -> NDArray[np.float64]:
-    """Choose the sign of each quaternion, (n, 4), by the one before; `last` is before all."""
-    before = np.vstack((last, quaternions[:-1]))
-    is_flip = (quaternions * before).sum(axis=1, keepdims=True) < 0.0
-    signed: NDArray[np.float64] = quaternions * np.cumprod(np.where(is_flip, -1.0, 1.0), axis=0)
-    return signed + 0.0  # no -0.0
+def _without_flips(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Choose the sign of each quaternion but the first, (n, 4), by the one before."""
+    is_flip = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0
+    signs = np.cumprod(np.where(is_flip, -1.0, 1.0))
+    quaternions[1:] *= signs[:, None]
+    return quaternions + 0.0  # no -0.0
 
 
 def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -193,7 +179,7 @@ def command(target_frame: Optional[str] = None, source_frame: Optional[str] = No
             output: Optional[str] = None, every: Optional[int] = None,
             at: Optional[str] = None, start: Optional[When] = None, stop: Optional[When] = None,
             max_gap: Optional[int] = None, twist: bool = False, topic: Optional[str] = None,
-            tf_topic: Optional[str] = None, seconds: Optional[float] = None,
+            tf_topic: Optional[str] = None, seconds: float = DEFAULT_TIME,
             bag: Optional[BagOption] = None, namespace: str = '', *,
             ros_args: Sequence[str] = ()) -> int:
     """
@@ -206,12 +192,9 @@ def command(target_frame: Optional[str] = None, source_frame: Optional[str] = No
     :param at: a topic that gives the stamps of the rows; then the first frame may be left out.
     :param max_gap: the longest step of an edge over which poses are interpolated (ns).
     :param topic: a topic of poses, in place of the two frames.
-    :param seconds: how long to listen (s); None: 5 s.
     """
-    frames = [name.removeprefix('/') for name in (target_frame, source_frame) if name is not None]
+    frames = [name for name in (target_frame, source_frame) if name]
     for is_wrong, why in (
-            (not all(frames), 'a frame must have a name'),
-            (bag and seconds is not None, '--time is for listening: leave it out with --bag'),
             (not bag and (start or stop or at or topic or tf_topic),
              '--start, --stop, --at, --topic and --tf-topic need --bag'),
             (every == 0, '--every must be more than 0 s'),
@@ -220,28 +203,32 @@ def command(target_frame: Optional[str] = None, source_frame: Optional[str] = No
              'with --topic, leave out the frames, --at and --tf-topic')):
         if is_wrong:
             raise UsageError(why)
-    seconds = listening_time(seconds)
     path = None if output is None else _output_path(output, twist)
-    if bag is None:
-        recording = _record(frames[0], frames[1], seconds, namespace, ros_args)
-    else:
-        with bag.opened() as opened:
-            recording = recorded.read(opened, frames, at, topic, tf_topic)
-    times = _times(recording, every, start, stop)
+    reader = recorded.PathReader(frames, at, topic, tf_topic)
+    with source('tf_trajectory', bag, namespace, ros_args, seconds, reader.read) as found:
+        if found.listener:  # a signal ends the recording
+            listen(seconds, found.buffer.frame_names)
+        ends = reader.frames[0], reader.frames[1]
+        try:
+            edges = found.buffer.path_edges(*ends)
+        except TransformException as error:
+            raise CommandError(found.why_not(*ends) or str(error)) from None
+    if found.listener:
+        forget_signals()  # another one ends the command
+    stamps = _stamps(ends, edges) if reader.stamps is None else reader.stamps
+    times = _times(stamps, found.span, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
     # There is no bar within a table on the terminal.
-    trajectory = Trajectory(recording, times[::step], twist, max_gap,
-                            has_bar=path is not None or not is_terminal())
+    trajectory = Trajectory(found, ends, edges, times[::step], twist, max_gap,
+                            path is not None or not is_terminal())
     if path is None:
-        _write_csv(sys.stdout, trajectory.rows(), twist)
+        _write_csv(sys.stdout, trajectory)
     else:
         with whole_file(path) as part:
             _write(part, path.suffix.lower(), trajectory, step)
             check_signals()
-    some = f', of {len(times)} rows one of {step}' if step > 1 else ''
-    summary = (f'{trajectory.count} row{"s" * (trajectory.count > 1)} from '
-               f'{exact_time(trajectory.begin)} s to {exact_time(trajectory.end)} s{some}')
+    summary = f'{trajectory}{f", of {len(times)} rows one of {step}" * (step > 1)}'
     if path is None:
         print(f'tf_trajectory: {summary}', file=sys.stderr)
     else:
@@ -271,41 +258,22 @@ def _output_path(output: str, twist: bool) -> Path:
     return path
 
 
-def _record(target: str, source: str, seconds: float, namespace: str, ros_args: Sequence[str]
-            ) -> Recording:
-    """Listen for some time, or until Ctrl-C or SIGTERM; the two frames must be connected then."""
-    from puretf_tools.cli.node import spinning_node
-    from puretf_tools.inspection.frame_listener import FrameListener
-    with spinning_node('tf_trajectory', ros_args, namespace) as node:
-        frame_listener = FrameListener(node, seconds)
-        listen(seconds, frame_listener.buffer.frame_names)
-        try:
-            frame_listener.buffer.path_stamps(target, source)
-        except TransformException as error:
-            why = frame_listener.why_no_transform(target, source)
-            raise CommandError(why or str(error)) from None
-    forget_signals()  # the first Ctrl-C has ended the recording; another one ends the command
-    return Recording(frame_listener.buffer, target, source)
+def _stamps(ends: tuple[str, str], edges: gaps.Edges) -> NDArray[np.int64]:
+    """Return the stamps of a path (ns); raise a CommandError if there are none."""
+    stamps, (target, source_frame) = gaps.stamps_of(edges), ends
+    if not len(stamps):
+        raise CommandError('both frames are the same' if target == source_frame else
+                           f'{source_frame!r} never moves in {target!r}: there is no dynamic '
+                           'transform between them. Print its pose with tf2_echo')
+    return stamps
 
 
-def _times(recording: Recording, every: Optional[int], start: Optional[When],
-           stop: Optional[When]) -> NDArray[np.int64]:
+def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int],
+           start: Optional[When], stop: Optional[When]) -> NDArray[np.int64]:
     """Return the times (ns) of the rows: stamps, or times at equal distances `every` (ns)."""
-    buffer, target, source, begin, end, others = recording
-    try:
-        stamps = buffer.path_stamps(target, source)
-    except TransformException as error:
-        raise CommandError(str(error)) from None
-    if others is not None:
-        stamps = others
-    elif not len(stamps):
-        raise CommandError('both frames are the same' if target == source else
-                           f'{source!r} never moves in {target!r}: there is no dynamic transform '
-                           'between them. Print its pose with tf2_echo')
     first, last = int(stamps[0]), int(stamps[-1])
-    begin = begin or 0
-    low = start.within((begin, end)) if start else first
-    high = stop.within((begin, end)) if stop else last
+    low = start.within(span) if start else first
+    high = stop.within(span) if stop else last
     if start and stop and low > high:
         raise UsageError('--start must not be after --stop')
     first, last = max(first, low), min(last, high)
@@ -318,6 +286,7 @@ def _times(recording: Recording, every: Optional[int], start: Optional[When],
         stamps = min(first, last) + every * np.arange(count, dtype=np.int64)
     stamps = stamps[bisect_left(stamps, first):bisect_right(stamps, last)]
     if not len(stamps):
+        begin, end = span
         raise CommandError(
             f'there is no row in this time: the bag is from {exact_time(begin)} to '
             f'{both(end, begin)}')
@@ -329,62 +298,57 @@ def _write(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     if ending in DRAWINGS:
         _draw(path, ending, trajectory, step)
     elif ending == '.npz':
-        _write_npz(path, trajectory.rows())
+        values = trajectory.values[trajectory.known]
+        arrays: dict[str, Any] = {name: values[:, columns] for name, columns in ARRAYS.items()
+                                  if columns.stop <= values.shape[1]}
+        with open(path, 'wb') as array_file:
+            np.savez(array_file, stamps=trajectory.stamps, **arrays)
     else:
         with open(path, 'w', encoding='utf-8', newline='') as file:
             if ending == '.csv':
-                _write_csv(file, trajectory.rows(), trajectory.has_twist)
+                _write_csv(file, trajectory)
             else:
-                _write_tum(file, trajectory.rows())
+                file.writelines(f'{exact_time(stamp)} {" ".join(map(repr, row[:7]))}\n'
+                                for stamp, row in _rows(trajectory))
 
 
-def _write_csv(file: TextIO, rows: Iterable[Rows], has_twist: bool) -> None:
-    header = ','.join(('stamp_ns', *POSE, *(TWIST if has_twist else ()))) + '\n'
-    for stamps, values in rows:
-        file.write(header + ''.join(
-            f'{stamp},{",".join(map(repr, row))}\n'
-            for stamp, row in zip(stamps.tolist(), values.tolist())))
-        header = ''
+def _write_csv(file: TextIO, trajectory: Trajectory) -> None:
+    file.write(','.join(('stamp_ns', *POSE, *(TWIST if trajectory.has_twist else ()))) + '\n')
+    file.writelines(f'{stamp},{",".join(map(repr, row))}\n' for stamp, row in _rows(trajectory))
 
 
-def _write_tum(file: TextIO, rows: Iterable[Rows]) -> None:
-    for stamps, values in rows:
-        file.write(''.join(
-            f'{exact_time(stamp)} {" ".join(map(repr, row))}\n'
-            for stamp, row in zip(stamps.tolist(), values[:, :7].tolist())))
-
-
-def _write_npz(path: Path, rows: Iterable[Rows]) -> None:
-    stamps, values = (np.concatenate(each) for each in zip(*rows))
-    arrays: dict[str, Any] = {name: values[:, columns] for name, columns in ARRAYS.items()
-                              if columns.stop <= values.shape[1]}
-    with open(path, 'wb') as file:
-        np.savez(file, stamps=stamps, **arrays)
+def _rows(trajectory: Trajectory) -> Iterator[tuple[int, list[float]]]:
+    """Yield the stamp (ns) and the values of each row; part by part, since lists are large."""
+    known = np.flatnonzero(trajectory.known)
+    for begin in range(0, len(known), _PART):
+        part = known[begin:begin + _PART]
+        yield from zip(trajectory.times[part].tolist(), trajectory.values[part].tolist())
+        check_signals()
 
 
 def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     """Draw positions, angles and velocities over time, and the path from above."""
     from matplotlib.figure import Figure
-    stamps, values = (np.concatenate(each) for each in zip(*trajectory.parts()))
+    (target, source_frame), stamps, values = trajectory.ends, trajectory.times, trajectory.values
     if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
         row, column = too_large[0]
         raise CommandError(
-            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
+            f'the pose of {source_frame!r} in {target!r} is too large to draw: '
             f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
             f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
-    style = {'linewidth': 1.2, 'marker': '.' if trajectory.count < 100 else ''}
+    style = {'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}
     panels = 4 if trajectory.has_twist else 2
     figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
     grid = figure.add_gridspec(panels, 2, width_ratios=(3, 2))
     rows = [figure.add_subplot(grid[0, 0])]
     rows += [figure.add_subplot(grid[i, 0], sharex=rows[0]) for i in range(1, panels)]
-    _plot_over_time(rows, (stamps - trajectory.begin) / SECOND, values, style)
-    rows[-1].set_xlabel(f'time (s), from {exact_time(trajectory.begin)} s')
+    begin = trajectory.stamps[0]
+    _plot_over_time(rows, (stamps - begin) / SECOND, values, style)
+    rows[-1].set_xlabel(f'time (s), from {exact_time(begin)} s')
     figure.align_ylabels()
     _plot_path(figure.add_subplot(grid[:, 1]), values[:, 0], values[:, 1], style)
     some = f', one of {step} rows' if step > 1 else ''
-    figure.suptitle(f'{shortened(trajectory.source)} in {shortened(trajectory.target)}{some}',
-                    parse_math=False)
+    figure.suptitle(f'{shortened(source_frame)} in {shortened(target)}{some}', parse_math=False)
     # Where a file cannot be written, the PDF backend raises other errors than OSError.
     drawing = BytesIO()
     with warnings.catch_warnings():
@@ -442,7 +406,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '          tf_trajectory --bag robot.mcap map base_link --twist -o robot.npz\n'
         '          tf_trajectory --bag robot.mcap map base_link --at /scan --start +9 -o at.csv\n'
         '          tf_trajectory --bag robot.mcap --topic /odom -o odom.tum')
-    frames = [parser.add_argument(name) for name in ('target_frame', 'source_frame')]
+    frames = [parser.add_argument(name, type=frame_name)
+              for name in ('target_frame', 'source_frame')]
 
     def topic(text: str, optional: Sequence[Action] = ()) -> str:
         """Convert the name of a topic; with its option, some frames may be left out."""
@@ -475,8 +440,5 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='add the velocity of the origin of source_frame and its angular '
                              'velocity, both in the axes of target_frame, averaged over '
                              f'{TWIST_INTERVAL / SECOND:g} s')
-    parser.add_argument('--time', type=number, dest='seconds', metavar='SECONDS',
-                        help=f'how long to listen (s; default: {DEFAULT_TIME:g}); Ctrl-C ends it '
-                             'earlier')
-    add_bag_options(parser)
+    add_bag_options(parser, '--time')
     return run(parser, command, args)

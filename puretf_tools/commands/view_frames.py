@@ -11,14 +11,14 @@ from puretf._text.names import shortened, visible
 from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import check_writable, whole_file
-from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME, DISCOVERY, listening_time, wait
+from puretf_tools.cli.parser import CommandError, frame_name, Parser, run, UsageError
+from puretf_tools.cli.progress import DEFAULT_TIME
 from puretf_tools.cli.signals import check_signals, sleep
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
-from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import columns, height, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import rate_of
+from puretf_tools.source import source
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -55,24 +55,27 @@ def _age(now: int, stamp: int) -> str:
     return f'{seconds:.3f} s old' if seconds > -0.0005 else f'{-seconds:.3f} s ahead'
 
 
-def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
+def command(output: str = 'frames', seconds: float = DEFAULT_TIME, text: bool = False,
             watch: bool = False, bag: Optional[BagOption] = None, namespace: str = '',
             root: Optional[str] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Listen to transforms for some time, or read a bag; then draw the tree of frames."""
-    if bag is not None and (watch or wait_time is not None):
-        raise UsageError(
-            '--watch and --wait-time (-t) are for listening: leave them out with --bag')
-    seconds = listening_time(wait_time)
-    root = root if root is None else root.removeprefix('/')
-    if root == '':
-        raise UsageError('--root needs the name of a frame')
+    if bag and watch:
+        raise UsageError('--watch is for listening: leave it out with --bag')
     path = Path() if text or watch else output_path(output)
-    if bag:
-        buffer, clock = bag.read(), ''
-        frames = buffer.frames()
-        now = max(frame.latest for frame in frames)
-    else:
-        frames, now, clock = _listen(seconds, watch, root, ros_args, namespace)
+    with source('view_frames', bag, namespace, ros_args, seconds) as found:
+        clock, say = '', Once(is_terminal())
+        if listener := found.listener:
+            while watch:
+                _show(listener, root, say)
+                sleep(_REFRESH)
+            found.listen(seconds, listener.time_hint)
+            check_signals()
+            if not listener.buffer.frame_names():
+                raise CommandError(f'no transform was received. {listener.why_nothing()}')
+            if hint := listener.topics_hint():
+                print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
+            clock = listener.clock_text()
+        now, frames = found.now(), found.frames()
     forest = _forest(frames, root)
     for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
@@ -83,34 +86,9 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         save(forest, now, path)
         print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
               f'{_summary(forest)}')
-    if clock or bag is not None:
+    if clock or bag:
         print(clock or _span(forest, now))
     return 0
-
-
-def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str],
-            namespace: str) -> tuple[list[Frame], int, str]:
-    """Return the frames, the time (ns), and the clock, in words; with `watch`, do not return."""
-    from puretf_tools.cli.node import spinning_node
-    from puretf_tools.inspection.frame_listener import FrameListener
-    with spinning_node('view_frames', ros_args, namespace) as node:
-        frame_listener = FrameListener(node, seconds)
-        say = Once(is_terminal())
-        while watch:
-            _show(frame_listener, root, say)
-            sleep(_REFRESH)
-        discovery = max(DISCOVERY, seconds)
-        if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
-            raise CommandError(f'no transform was received within {discovery:g} s. '
-                               f'{frame_listener.why_nothing()}')
-        wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}',
-             lambda: frame_listener.time_hint() and False)
-        if not frame_listener.knows_clock():
-            wait(PATIENCE, 'waiting for /clock', frame_listener.knows_clock)
-        now, frames = frame_listener.now(), frame_listener.frames()
-        if hint := frame_listener.topics_hint():
-            print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
-        return frames, now, frame_listener.clock_text()
 
 
 def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> None:
@@ -198,9 +176,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'examples: view_frames\n          view_frames -t 10 -o robot.svg\n'
         '          view_frames --watch --root base_link\n'
         '          view_frames --bag robot.mcap')
-    parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
-                        help='how long to listen, from the first transform on '
-                             f'(s; default: {DEFAULT_TIME:g})')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
                         help='the file of the drawing, in the format .pdf, .svg or .png; to a '
                              'name without a format, .pdf is added (default: %(default)s)')
@@ -208,7 +183,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='print the tree with rates, ages and publishers, and write no file')
     parser.add_argument('--watch', action='store_true',
                         help='print the tree every second, until Ctrl-C')
-    parser.add_argument('--root', metavar='FRAME',
+    parser.add_argument('--root', type=frame_name, metavar='FRAME',
                         help='draw or print only this frame and its descendants')
-    add_bag_options(parser)
+    add_bag_options(parser, '-t', '--wait-time')
     return run(parser, command, args)

@@ -16,7 +16,7 @@ from puretf.bag import Bag
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST
-from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
+from puretf_tools.cli.parser import CommandError, Parser, run, UsageError
 from puretf_tools.cli.progress import BAR, listen, listening_time, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.doctor.observation import BagObserver
@@ -42,7 +42,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         raise UsageError('--time needs --export')
     show = partial(_show, host, port, meshes, view)
     path = None if export is None else path_to_write(export, ['.html'])
-    seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
+    seconds = duration or _EXPORTED_TIME
     if bag:
         feed = BagFeed(TransformBuffer(2**63 - 1, max_samples=None), Path(bag.paths[0]).name)
         feed.follow = follow
@@ -167,7 +167,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     add_bag_options(parser)
     parser.add_argument('--export', metavar='FILE.html',
                         help='write a page that plays without a server, and end')
-    parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
+    parser.add_argument('--time', dest='duration', type=listening_time, metavar='SECONDS',
                         help='with --export: how long to record, from the first transform on '
                              f'(default: {_EXPORTED_TIME:g}; of a bag, all)')
     parser.add_argument('--follow', default='', metavar='FRAME',

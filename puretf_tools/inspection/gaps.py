@@ -1,6 +1,7 @@
 """Times for which the edges between two frames have no data: in holes, and beyond the ends."""
 
-from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 USUAL_STEPS, SHORTEST_HOLE = 10, SECOND // 2
 
 AnyBuffer = Union[TransformBuffer, 'BufferCore']
+Edges = Sequence[Any]  #: what `path_edges` of a buffer returns
 
 
 class Hole(NamedTuple):
@@ -49,20 +51,25 @@ class Hole(NamedTuple):
         return f'between {begin:{sign}.2f} and {end:{sign}.2f} s'
 
 
-def holes_at(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int64],
-             longest: Optional[int] = None) -> NDArray[np.object_]:
+def stamps_of(edges: Edges) -> NDArray[np.int64]:
+    """Return the stamps of the edges of a path (ns), each once, as `path_stamps` of a buffer."""
+    return np.unique(np.concatenate([np.empty(0, np.int64), *(
+        edge.stamps[slice(*_part(edge.stamps, edge.begin, edge.end))] for edge in edges)]))
+
+
+def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = None
+             ) -> NDArray[np.object_]:
     """
     Find the hole in the data between two frames that is around each time.
 
+    :param edges: those between the frames, from `path_edges`.
     :param times: (n,) times (ns).
     :param longest: longer steps (ns) are holes; None: those that `USUAL_STEPS` describes.
     :returns: (n,) objects: a `Hole`, the longest of several; or None.
-    :raises TransformException: if there is no path between the frames at any time.
     """
     order = np.argsort(times, kind='stable')
     times = times[order]
     found, lengths = np.full(len(times), None, np.object_), np.zeros(len(times), np.uint64)
-    edges = [] if target == source else buffer.path_edges(target, source)
     # The difference of two int64 may be too large for an int64, but not for a uint64.
     steps = [np.diff(edge.stamps).view(np.uint64) for edge in edges]
     limits: dict[str, float] = {}
@@ -93,7 +100,7 @@ def holes_at(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int6
     return unsorted
 
 
-def beyond_ends(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int64]
+def beyond_ends(edges: Edges, times: NDArray[np.int64]
                 ) -> tuple[NDArray[np.bool_], str]:
     """
     Find the times before the first or after the last data of an edge between two frames.
@@ -101,11 +108,10 @@ def beyond_ends(buffer: AnyBuffer, target: str, source: str, times: NDArray[np.i
     :param times: (n,) times in increasing order (ns).
     :returns: (n,) bool, and a text such as 'odom -> base_link: the last 0.04 s'; of several edges,
         it names the one that begins last and the one that ends first.
-    :raises TransformException: if there is no path between the frames at any time.
     """
     is_beyond = np.zeros(len(times), np.bool_)
     early, late = (0, ''), (0, '')
-    for edge in buffer.path_edges(target, source):
+    for edge in edges:
         part = slice(*_part(times, edge.begin, edge.end))
         own, name = times[part], _edge(edge.parent, edge.child)
         is_early, is_late = own < edge.stamps[0], own > edge.stamps[-1]

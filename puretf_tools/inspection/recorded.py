@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 import struct
-from typing import Any, NamedTuple, Optional
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from puretf import SECOND, TransformBuffer
 from puretf._text.names import comma_list, namespace_path, TF_MESSAGE
 from puretf.bag import Bag, BagError, BagMessage
-from puretf_tools.inspection.bag_times import span_of
-from puretf_tools.inspection.gaps import AnyBuffer
 
 #: The types of topics that can be read as poses, and as transforms.
 POSES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
@@ -20,44 +18,41 @@ POSES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
 TRANSFORMS = 'geometry_msgs/msg/TransformStamped', TF_MESSAGE
 
 
-class Recording(NamedTuple):
-    """The transforms between two frames, and the bag that they are from."""
+class PathReader:
+    """Reads the transforms between two frames, and the stamps of another topic."""
 
-    buffer: AnyBuffer
-    target: str
-    source: str
-    begin: Optional[int] = None  #: the first stamp of the bag (ns); None: there is no bag
-    end: int = 0  #: the last stamp of the bag (ns)
-    stamps: Optional[NDArray[np.int64]] = None  #: those on another topic (ns); None: no topic
+    def __init__(self, frames: Sequence[str], at: Optional[str], topic: Optional[str],
+                 tf_topic: Optional[str]) -> None:
+        """
+        Read nothing yet.
 
+        :param frames: the target frame and the source frame. With `at`, the target frame may be
+            left out: then it is the frame_id of the messages. With `topic`, there are none.
+        :param at: the name of a topic whose stamps are read, too.
+        :param topic: the name of a topic of poses, which are read in place of TF.
+        :param tf_topic: the name of a topic of transforms, which are read as those of TF.
+        """
+        self.frames, self._at, self._topic, self._tf_topic = frames, at, topic, tf_topic
+        self.stamps: Optional[NDArray[np.int64]] = None  #: those of `at` (ns); None: no such topic
 
-def read(bag: Bag, frames: Sequence[str], at: Optional[str] = None, topic: Optional[str] = None,
-         tf_topic: Optional[str] = None) -> Recording:
-    """
-    Read a bag, in one pass.
-
-    :param frames: the target frame and the source frame. With `at`, the target frame may be left
-        out: then it is the frame_id of the messages. With `topic`, there are none.
-    :param at: the name of a topic whose stamps are read, too.
-    :param topic: the name of a topic of poses, which are read in place of TF.
-    :param tf_topic: the name of a topic of transforms, which are read as those of TF.
-    :raises BagError: if the bag does not have what is wanted.
-    """
-    headers = _Headers(at or '')
-    others = [at] if at else []
-    if topic:
-        frame = f'topic {topic}'
-        buffer, parents = _read_topic(bag, topic, POSES, child=frame)
-        frames = _one_frame(topic, parents), frame
-    elif tf_topic:
-        names = [f'{namespace_path(bag.namespace)}/{name}' for name in ('tf', 'tf_static')]
-        buffer, _ = _read_topic(bag, tf_topic, TRANSFORMS, [*names, *others], headers.add)
-    else:
-        buffer = bag.read(others=others, on_message=headers.add if at else None)
-    stamps = headers.stamps(bag) if at else None
-    target, source = frames if len(frames) > 1 else (headers.frame(), *frames)
-    span = span_of(buffer.frames(), (bag.begin, bag.end))
-    return Recording(buffer, target, source, *span, stamps)
+    def read(self, bag: Bag) -> TransformBuffer:
+        """Read a bag in one pass; raise a BagError if it does not have what is wanted."""
+        headers, others = _Headers(self._at or ''), [self._at] if self._at else []
+        if self._topic:
+            frame = f'topic {self._topic}'
+            buffer, parents = _read_topic(bag, self._topic, POSES, child=frame)
+            self.frames = _one_frame(self._topic, parents), frame
+        elif self._tf_topic:
+            names = [f'{namespace_path(bag.namespace)}/{name}' for name in ('tf', 'tf_static')]
+            buffer, _ = _read_topic(
+                bag, self._tf_topic, TRANSFORMS, [*names, *others], headers.add)
+        else:
+            buffer = bag.read(others=others, on_message=headers.add if self._at else None)
+        if self._at:
+            self.stamps = headers.stamps(bag)
+            if len(self.frames) == 1:
+                self.frames = headers.frame(), *self.frames
+        return buffer
 
 
 class _Headers:

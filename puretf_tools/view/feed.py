@@ -210,7 +210,8 @@ class BagFeed(Feed):
 
     def hole(self, target: str, name: str) -> str:
         with suppress(TransformException):
-            for hole in holes_at(self.buffer, target, name, np.array([self.player.time])):
+            edges = self.buffer.path_edges(target, name)
+            for hole in holes_at(edges, np.array([self.player.time])):
                 if hole:
                     return str(hole.interpolated(self.player.begin))
         return ''

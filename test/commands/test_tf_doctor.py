@@ -449,7 +449,7 @@ def test_a_healthy_arm(arm_domain, monkeypatch):
         return progress.listen(1.0, lambda: poll() or len(frame_names()) == 6, poll)
 
     monkeypatch.setattr(progress, 'DISCOVERY', TIMEOUT)
-    monkeypatch.setattr(tf_doctor, 'listen', listen)
+    monkeypatch.setattr('puretf_tools.source.listen', listen)
     code, output, _ = call(main, '--json', domain=arm_domain)
     data = json.loads(output)
     assert (code, codes(data), data['not_checked']) == (0, set(), [])

@@ -1020,12 +1020,17 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path, monkeypatch, capsys):
     import tqdm
     monkeypatch.setattr(tqdm, 'tqdm', lambda bar=tqdm.tqdm, **kwargs: bar(mininterval=0, **kwargs))
     path = str(bags.make(tmp_path, 'mcap', bags.walk(100)))
-    BagOption([path]).read()
+
+    def read(path):
+        with BagOption([path]).opened() as bag:
+            bag.read()
+
+    read(path)
     assert capsys.readouterr() == ('', '')
     terminal = StringIO()
     monkeypatch.setattr(terminal, 'isatty', lambda: True)
     monkeypatch.setattr(sys, 'stderr', terminal)
-    BagOption([path]).read()
+    read(path)
     parts = [int(part) for part in re.findall(r'\rreading walk\.mcap [^\r]* (\d+) %',
                                               terminal.getvalue())]
     assert parts[0] == 0

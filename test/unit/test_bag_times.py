@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 import pytest
 
 from puretf import Frame
-from puretf_tools.cli.parser import UsageError
 from puretf_tools.cli.times import when
 from puretf_tools.inspection.bag_times import both, span_of, why_outside
 
@@ -45,13 +44,6 @@ def test_other_texts_are_refused(text):
     """The error shows all forms."""
     with pytest.raises(ArgumentTypeError, match=r'1760000012\.34 .* \+12\.34 .* -1\.5 .*Z'):
         when(text)
-
-
-def test_a_relative_time_needs_a_bag():
-    """Without one, it is wrong use."""
-    assert when('12.5').absolute('-t') == 12_500_000_000
-    with pytest.raises(UsageError, match='needs --bag'):
-        when('+1').absolute('-t')
 
 
 def dynamic(oldest, latest):

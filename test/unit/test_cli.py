@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from contextlib import nullcontext
 import gc
 import io
 import os
@@ -18,7 +19,7 @@ import dummy_arm.entry_points
 from puretf.bag import BagError
 from puretf_tools import entry_points
 from puretf_tools.cli import files, progress, signals
-from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption
+from puretf_tools.cli.bag_options import add_bag_options, bag_progress
 from puretf_tools.cli.files import check_writable, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.signals import (
@@ -28,6 +29,7 @@ from puretf_tools.cli.signals import (
     record_signals,
     signal_received,
 )
+from puretf_tools.cli.times import when
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
 
@@ -70,17 +72,13 @@ def test_other_text_is_no_number(text):
         number(text)
 
 
-@pytest.mark.parametrize(('given', 'time'), [(None, 5.0), (0.001, 0.001), (1e9, 1e9)])
-def test_the_time_to_listen(given, time):
-    """There is a default."""
-    assert progress.listening_time(given) == time
-
-
-@pytest.mark.parametrize('given', [0.0, -1.0, 1.1e9])
-def test_no_time_to_listen(given):
+@pytest.mark.parametrize(('text', 'time'), [
+    ('0.001', 0.001), ('1e9', 1e9), *((each, None) for each in ('0', '-1', '1.1e9'))])
+def test_the_time_to_listen(text, time):
     """The error has the limits."""
-    with pytest.raises(UsageError, match=r'more than 0 s, and at most 1e\+09 s, got '):
-        progress.listening_time(given)
+    with nullcontext() if time else pytest.raises(
+            argparse.ArgumentTypeError, match=r'more than 0 s, and at most 1e\+09 s, got '):
+        assert progress.listening_time(text) == time
 
 
 @pytest.mark.parametrize(('argument', 'hint'), [
@@ -656,22 +654,26 @@ def cut_off(walk):
     return walk
 
 
-def bag_option(*arguments):
-    """Return the argument `bag` of a command."""
+def read(*arguments):
+    """Read the bag that some arguments name; return the buffer, or the time to listen (s)."""
     parser = Parser('tool', '')
-    add_bag_options(parser)
+    parser.add_argument('-t', type=when)
+    add_bag_options(parser, '--time')
     options = vars(parser.parse_args(arguments))
     parser.finish(options)
-    assert options.keys() == {'bag', 'namespace'}
-    return options['bag']
+    assert options.keys() == {'bag', 'namespace', 'seconds', 't'}
+    if not options['bag']:
+        return options['seconds']
+    with options['bag'].opened() as bag:
+        return bag.read()
 
 
 def test_bag_options(cut_off):
-    """They are one argument of the command."""
-    assert bag_option() is None
-    assert bag_option('--partial', '--bag', cut_off).read().can_transform('map', 'base_link', 0)
+    """They are one argument of the command; without it, there is a time to listen."""
+    assert (read(), read('--time', '7', '-t', '1.5')) == (5.0, 7.0)
+    assert read('--partial', '--bag', cut_off, '-t', '+1').can_transform('map', 'base_link', 0)
     with pytest.raises(CommandError, match=r'^[^\n]*--partial[^\n]*$'):
-        bag_option('--bag', cut_off).read()
+        read('--bag', cut_off)
 
 
 @pytest.mark.parametrize(('arguments', 'bag', 'frames'), [
@@ -698,17 +700,19 @@ def test_several_bags_and_frames(tmp_path, arguments, bag, frames):
 def test_the_topics_of_a_bag(walk):
     """The namespace of the option is used."""
     with pytest.raises(CommandError, match='/robot/tf'):
-        BagOption([walk], 'robot').read()
+        read('--bag', walk, '--namespace', 'robot')
 
 
 @pytest.mark.parametrize(('arguments', 'error', 'text'), [
     (['--bag='], UsageError, '^--bag needs the path of a bag, got an empty one$'),
     (['--partial'], UsageError, '^--partial needs --bag$'),
+    (['-t', '+1'], UsageError, '^a time with a sign counts from .* a bag: it needs --bag$'),
+    (['--bag', 'x', '--time', '1'], UsageError, '^--time is for listening: leave it out with'),
     (['--bag', 'nowhere.mcap'], CommandError, r'^.*nowhere\.mcap[^\n]*$')])
 def test_bags_that_are_not_read(arguments, error, text):
     """The error is of one line."""
     with pytest.raises(error, match=text):
-        bag_option(*arguments).read()
+        read(*arguments)
 
 
 def fail(error):
@@ -730,4 +734,4 @@ def test_a_signal_ends_the_reading(walk):
     record_signals()
     signal.raise_signal(signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt):
-        BagOption([walk]).read()
+        read('--bag', walk)

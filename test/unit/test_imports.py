@@ -23,9 +23,10 @@ MAY_IMPORT = {
     'puretf_tools': ['puretf_tools.cli'],
     **{f'puretf_tools.{room}': ['puretf', *(f'puretf_tools.{other}' for other in others.split())]
        for room, others in {
-           'inspection': 'inspection', 'cli': 'cli', 'robot': 'robot inspection cli',
+           'inspection': 'inspection', 'cli': 'cli', 'source': 'inspection cli',
+           'robot': 'robot inspection cli',
            'doctor': 'doctor robot inspection', 'view': 'view doctor robot inspection cli',
-           'commands': 'view doctor robot inspection cli'}.items()},
+           'commands': 'source view doctor robot inspection cli'}.items()},
     'dummy_arm': ['dummy_arm', 'puretf', 'puretf_tools.cli', 'puretf_tools.inspection']}
 #: What the tools share with `puretf`, though it is no user's.
 SHARED = 'puretf._text', 'puretf._causes'

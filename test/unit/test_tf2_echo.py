@@ -88,7 +88,7 @@ def bag(tmp_path):
     ((), '110.000000000', 11.0), (('-t', '105.05', '--once'), '105.050000000', 6.05)])
 def test_out_of_a_bag(bag, capsys, time, stamp, x):
     """It prints the latest transform, or that of an exact time."""
-    assert main(['--bag', bag, '/map', '/base_link', *time, '-p', '3e0', '--ros-args',
+    assert main(['--bag', bag, '/map', '/base_link', *time, '-p', '3', '--ros-args',
                  '--log-level', 'info']) == 0
     out, err = capsys.readouterr()
     assert out.startswith(f'At time {stamp}\n- Translation: [{x:.3f}, 2.000, 3.000]\n')

@@ -8,7 +8,7 @@ from environment import on_unix
 import pytest
 
 from puretf import Frame
-from puretf_tools.cli.parser import CommandError, UsageError
+from puretf_tools.cli.parser import CommandError
 from puretf_tools.commands import tf2_echo, view_frames
 from puretf_tools.commands.view_frames import main
 from puretf_tools.inspection.forest import Forest
@@ -138,12 +138,6 @@ def test_the_ending_says_how_to_draw(there, output, files, begin):
     (drawn,) = (name for name in files if not name.endswith('.gv'))
     assert str(path) == drawn
     assert path.read_bytes().startswith(begin)
-
-
-def test_what_the_command_refuses():
-    """A caller from Python gets an exception, before ROS is needed."""
-    with pytest.raises(UsageError, match='more than 0 s'):
-        view_frames.command(wait_time=0.0)
 
 
 @on_unix
