@@ -3,27 +3,37 @@
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+import os
 import random
 import signal
 import socket
-from subprocess import TimeoutExpired
+import subprocess
 import sys
 from tempfile import TemporaryDirectory
 import time
 from typing import Optional
 
 from dummy_arm.grading import processes
-from dummy_arm.grading.records import DOMAINS, Grade, Verdict
-from dummy_arm.grading.supervisor import longest, supervise
+from dummy_arm.grading.records import DOMAINS, Grade, START, Verdict
 from puretf._causes.domains import used_domains
 from puretf._text.names import shortened
-from puretf_tools.cli.parser import CommandError
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
 #: How long to wait for a signal before the next look at the processes (s).
 _STEP = 0.05
-#: A process that runs a program is stopped if it takes so much longer than it may (s).
-_MARGIN = 30.0
+#: How much longer than the start and the observation a hand-in may take (s), and how long its
+#: process may take to end what it has started.
+_MARGIN, _LONGEST_END = 30.0, 15.0
+#: The program of the process.
+_MAIN = """
+import sys
+from multiprocessing.connection import Connection
+connection = Connection(int(sys.argv[1]))
+sys.path[:] = connection.recv()
+from dummy_arm.grading.supervisor import supervise
+supervise(connection, *connection.recv())
+"""
 
 
 def graded(files: Sequence[str], seconds: float, jobs: int,
@@ -68,8 +78,8 @@ def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
         for run in running:
             run.connection.close()  # it ends what it has started
         while running:
-            with suppress(TimeoutExpired):
-                running.pop().wait(_MARGIN)
+            with suppress(subprocess.TimeoutExpired):
+                running.pop().wait(_LONGEST_END)
         end_orphans()
         processes.become_subreaper(False)
         signal.signal(signal.SIGTERM, handler)
@@ -100,27 +110,45 @@ def _wait_for_signal() -> None:
           'a program may have sent it; Ctrl-C ends check_arm', file=sys.stderr)
 
 
-class _Run(processes.Worker):
-    """A process that runs a hand-in."""
+class _Run(subprocess.Popen[bytes]):
+    """A process in a session of its own that runs a hand-in, on loopback."""
 
     def __init__(self, file: str, seconds: float, directory: str,
                  reservation: tuple[int, socket.socket]) -> None:
         self.file, self._reservation = file, reservation
-        super().__init__(supervise, file, seconds, directory, reservation[0])
-        self._deadline = time.monotonic() + longest(seconds) + _MARGIN
+        self._longest = START + seconds + _MARGIN
+        self._deadline = time.monotonic() + self._longest
+        # A pair of sockets: unlike a pipe, no other process can open it by /proc.
+        ours, theirs = socket.socketpair()
+        self.connection = Connection(ours.detach())
+        # `-I` and this `sys.path` keep it from importing files of the working directory, where
+        # hand-ins may lie. Its command line names no hand-in: `pkill -f` of one does not match it.
+        environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        environment.pop('ROS_STATIC_PEERS', None)
+        with theirs:
+            super().__init__(
+                [sys.executable, '-I', '-S', '-c', _MAIN, str(theirs.fileno())], env=environment,
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=[theirs.fileno()],
+                start_new_session=True)
+        with suppress(OSError):  # it has ended, which `grade` will tell
+            self.connection.send([*filter(None, sys.path)])
+            self.connection.send((file, seconds, directory, reservation[0]))
 
     def is_over(self) -> bool:
-        """Return whether the process has answered, has ended or takes too long."""
-        return self.connection.poll() or time.monotonic() > self._deadline
+        """Return whether the process has ended, or takes too long."""
+        return self.poll() is not None or time.monotonic() > self._deadline
 
     def grade(self) -> Grade:
-        """Return the grade, and end the process."""
+        """End the process, and return the grade."""
+        is_late = self.poll() is None
+        self.kill()
+        end = processes.how_it_ended(self.wait())
         try:
-            if not self.connection.poll():
-                self.kill()
-            grade: Grade = self.answer('runs')
-        except CommandError as error:
-            grade = Grade(self.file, None, str(error), Verdict.NOT_JUDGED)
-        self.end()
+            grade: Grade = self.connection.recv()
+        except (EOFError, OSError):
+            grade = Grade(self.file, None, 'The process that runs and observes it ' + (
+                f'has said nothing for {self._longest:g} s: probably the middleware hangs.'
+                if is_late else f'ended {end}.'), Verdict.NOT_JUDGED)
+        self.connection.close()
         self._reservation[1].close()
         return grade

@@ -1,16 +1,13 @@
-"""The listener that observes an arm, in the process of a command or in one of its own."""
+"""The listener that observes an arm."""
 
-from multiprocessing.connection import Connection
-import os
+from collections.abc import Callable
 import time
 from typing import TYPE_CHECKING
-import warnings
 
 from dummy_arm.grading.processes import pid_of_publisher
 from dummy_arm.grading.program import ProgramError
-from dummy_arm.grading.records import Messages, Publisher, Report, START
+from dummy_arm.grading.records import Messages, Publisher, Report
 from dummy_arm.grading.sheet import BASE
-from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 
 if TYPE_CHECKING:
@@ -54,59 +51,24 @@ class Observer:
         """Return the publishers that have been seen, those of the oldest process first."""
         return sorted(self._publishers.values(), key=lambda each: each.pid)
 
-    def _reaches_late_joiners(self) -> bool:
+    def _reaches_late_joiners(self, tick: Callable[[], object]) -> bool:
         """Return whether a listener that starts now receives base_link on /tf_static."""
         from puretf import StaticTransformListener, TransformBuffer
         buffer = TransformBuffer()
         listener = StaticTransformListener(buffer, self._node)
         try:
-            return wait_until(_LATE, lambda: any(
+            return wait_until(_LATE, lambda: tick() or any(
                 frame.name == BASE.name for frame in buffer.frames()))
         finally:
             listener.unregister()
 
-    def report(self, int_line: int = 0) -> Report:
-        """Judge the messages; before that, start a late listener."""
+    def report(self, int_line: int = 0, tick: Callable[[], object] = lambda: None) -> Report:
+        """Judge the messages; before that, start a late listener, and call `tick` meanwhile."""
         from dummy_arm.grading.requirements import check
         from dummy_arm.grading.samples import Arm
         self.poll()
         end = time.time_ns()
         has_base = any(row.child_frame_id.removeprefix('/') == BASE.name
                        for message in self.messages if message.is_static for row in message.rows)
-        reaches = has_base and self._reaches_late_joiners()
+        reaches = has_base and self._reaches_late_joiners(tick)
         return check(Arm(self.messages, reaches, end, self.publishers(), int_line))
-
-
-def observe(connection: Connection, seconds: float, domain: int, int_line: int) -> None:
-    """
-    Observe an arm.
-
-    :param connection: sends an empty text when the arm may begin; then, after any message is
-        received, the observation begins; sends the Report, what is wrong with the publishers, and
-        whether there are any; or a CommandError, which is a ProgramError if the program is to
-        blame.
-    :param seconds: how long to observe the arm from its first message on /tf (s).
-    :param domain: the ROS domain.
-    :param int_line: as of `Arm`.
-    """
-    from puretf_tools.cli.node import spinning_node
-    warnings.simplefilter('ignore')  # of numbers that are too large
-    os.environ['ROS_DOMAIN_ID'] = str(domain)
-    try:
-        # The report has what matters; the lines of several programs would be mixed.
-        with spinning_node('check_arm', [
-                'check_arm', '--ros-args', '--log-level', 'tf2_buffer:=fatal']) as node:
-            observer = Observer(node)
-            connection.send('')
-            connection.recv()
-            if wait_until(START, observer.poll):
-                wait_until(seconds, lambda: observer.poll() and False)
-            report, publishers = observer.report(int_line), observer.publishers()
-            fault = '' if report.passed else observer.listener.wrong_type_hint()
-            if not fault and not observer.messages:
-                has = ' It has a broadcaster, but sends nothing with it.' * bool(publishers)
-                fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is '
-                         'the timer created, with its period in seconds, and does rclpy.spin run?')
-            connection.send((report, fault, bool(publishers)))
-    except CommandError as error:
-        connection.send(error)

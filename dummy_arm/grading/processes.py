@@ -1,16 +1,11 @@
-"""Processes on Linux: the workers of this package, and the end of all that a program starts."""
+"""Processes on Linux: the end of all that a program starts."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import suppress
 import ctypes
-from multiprocessing.connection import Connection
 import os
 import signal
-import socket
-import subprocess
-import sys
 import time
-from typing import Any
 
 from puretf._causes.domains import ros_domains
 from puretf_tools.cli.parser import CommandError
@@ -24,64 +19,12 @@ except ImportError:
 _PR_SET_CHILD_SUBREAPER = 36
 #: How long to kill processes, until those that are left are given up, and one round of this (s).
 _LONGEST_END, _ROUND = 10.0, 0.1
-#: The program of a Worker.
-_MAIN = """
-import sys
-from multiprocessing.connection import Connection
-connection = Connection(int(sys.argv[1]))
-sys.path[:] = connection.recv()
-function, arguments = connection.recv()
-function(connection, *arguments)
-"""
 
 
 def need_psutil() -> None:
     """Raise a CommandError if psutil is missing."""
     if psutil is None:
         raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil')
-
-
-class Worker(subprocess.Popen[bytes]):
-    """
-    A process in a session of its own that runs a function of this package, on loopback.
-
-    The first argument of the function is its end of a connection, the others are given. The
-    connection is a pair of sockets: unlike a pipe, no other process can open it by /proc.
-    """
-
-    def __init__(self, function: Callable[..., object], *arguments: Any) -> None:
-        ours, theirs = socket.socketpair()
-        self.connection = Connection(ours.detach())
-        # `-I` and this `sys.path` keep it from importing files of the working directory, where
-        # hand-ins may lie. Its command line names no hand-in: `pkill -f` of one does not match it.
-        environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        environment.pop('ROS_STATIC_PEERS', None)
-        with theirs:
-            super().__init__(
-                [sys.executable, '-I', '-S', '-c', _MAIN, str(theirs.fileno())], env=environment,
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=[theirs.fileno()],
-                start_new_session=True)
-        self.send([*filter(None, sys.path)])
-        self.send((function, arguments))
-
-    def send(self, message: object) -> None:
-        with suppress(OSError):  # it has ended, which `answer` will tell
-            self.connection.send(message)
-
-    def answer(self, task: str) -> Any:
-        """Wait for what the function sends, and return it; CommandError: the process has ended."""
-        try:
-            return self.connection.recv()
-        except (EOFError, OSError):
-            with suppress(subprocess.TimeoutExpired):
-                self.wait(_LONGEST_END)
-            raise CommandError(f'The process that {task} it ended {self.end()}.') from None
-
-    def end(self) -> str:
-        """Kill the process, unless it has ended; return how it has ended."""
-        self.kill()
-        self.connection.close()
-        return how_it_ended(self.wait())
 
 
 def how_it_ended(code: int) -> str:

@@ -28,10 +28,16 @@ _LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 1_000_000, 200_000_
 #: many files are copied.
 _MOST_DATA, _MOST_COPIED = 2**32, 1000
 #: The program that runs a program, which must not import the arm of this package; if it does not
-#: call its main(), as `ros2 run` does, this follows. SIGTERM, which is blocked in it, ends a
-#: fork; what it starts by `subprocess` inherits the block, so terminate() sends SIGKILL.
-_RUN = """
-import os, runpy, signal, subprocess, sys
+#: call its main(), as `ros2 run` does, this follows. SIGTERM is blocked in it: it is not for this
+#: program, if another one sends it to all, as by `pkill python`. But it ends a fork; what it
+#: starts by `subprocess` inherits the block, so terminate() sends SIGKILL.
+_RUN = f"""
+import os, resource, runpy, signal, subprocess, sys
+for kind, most in ((resource.RLIMIT_FSIZE, {_LONGEST_FILE}), (resource.RLIMIT_CORE, 0),
+                   (resource.RLIMIT_DATA, {_MOST_DATA})):
+    limits = [each for each in resource.getrlimit(kind) if each >= 0]
+    resource.setrlimit(kind, 2 * (min([most, *limits]),))
+signal.pthread_sigmask(signal.SIG_SETMASK, [signal.SIGTERM])
 os.register_at_fork(after_in_child=lambda: signal.pthread_sigmask(signal.SIG_SETMASK, []))
 subprocess.Popen.terminate = subprocess.Popen.kill
 sys.modules['dummy_arm.dummy_arm'] = sys.modules['dummy_arm.arm'] = None
@@ -147,17 +153,6 @@ def _copy(program: Path, directory: Path) -> None:
     shutil.copyfile(program, directory / program.name)
 
 
-def _prepare() -> None:
-    """Prepare a child of this process, which has no other threads, to run a program."""
-    import resource
-    for kind, most in ((resource.RLIMIT_FSIZE, _LONGEST_FILE), (resource.RLIMIT_CORE, 0),
-                       (resource.RLIMIT_DATA, _MOST_DATA)):
-        limits = [each for each in resource.getrlimit(kind) if each >= 0]
-        resource.setrlimit(kind, 2 * (min([most, *limits]),))
-    # SIGTERM is not for this program, if another one sends it to all, as by `pkill python`.
-    signal.pthread_sigmask(signal.SIG_SETMASK, [signal.SIGTERM])
-
-
 class Program:
     """A student's program, in a copy of its folder and a session of its own."""
 
@@ -189,7 +184,7 @@ class Program:
         self._process = subprocess.Popen(
             [sys.executable, *self._arguments], cwd=self._folder, env=self._environment,
             stdin=subprocess.DEVNULL, stdout=self._output, stderr=self._output,
-            start_new_session=True, preexec_fn=_prepare)
+            start_new_session=True)
 
     def check(self) -> None:
         """Raise why the program has failed, unless it is running and has printed no traceback."""

@@ -8,7 +8,6 @@ from contextlib import suppress
 from functools import partial
 from io import BytesIO
 from math import pi, tau
-import os
 from pathlib import Path
 import sys
 from typing import Any, Optional, TextIO
@@ -38,8 +37,6 @@ TWIST_INTERVAL = SECOND // 10
 MAX_ROWS = 10_000_000
 #: The largest number of rows in a drawing. Of more rows, every second, third and so on is drawn.
 MAX_DRAWN = 20_000
-#: The largest number in a drawing; matplotlib fails or does not end near the limit of float64.
-LARGEST_DRAWN = 1e300
 #: The number of rows that are looked up, or written, between two checks for a signal.
 _PART = 8192
 #: Near gimbal lock, a norm below this number is an error by rounding.
@@ -179,7 +176,7 @@ def command(target_frame: Optional[str] = None, source_frame: Optional[str] = No
             output: Optional[str] = None, every: Optional[int] = None,
             at: Optional[str] = None, start: Optional[When] = None, stop: Optional[When] = None,
             max_gap: Optional[int] = None, twist: bool = False, topic: Optional[str] = None,
-            tf_topic: Optional[str] = None, seconds: float = DEFAULT_TIME,
+            seconds: float = DEFAULT_TIME,
             bag: Optional[BagOption] = None, namespace: str = '', *,
             ros_args: Sequence[str] = ()) -> int:
     """
@@ -195,16 +192,15 @@ def command(target_frame: Optional[str] = None, source_frame: Optional[str] = No
     """
     frames = [name for name in (target_frame, source_frame) if name]
     for is_wrong, why in (
-            (not bag and (start or stop or at or topic or tf_topic),
-             '--start, --stop, --at, --topic and --tf-topic need --bag'),
+            (not bag and (start or stop or at or topic),
+             '--start, --stop, --at and --topic need --bag'),
             (every == 0, '--every must be more than 0 s'),
             (at and every, 'give either --at or --every'),
-            (topic and (frames or at or tf_topic),
-             'with --topic, leave out the frames, --at and --tf-topic')):
+            (topic and (frames or at), 'with --topic, leave out the frames and --at')):
         if is_wrong:
             raise UsageError(why)
     path = None if output is None else _output_path(output, twist)
-    reader = recorded.PathReader(frames, at, topic, tf_topic)
+    reader = recorded.PathReader(frames, at, topic)
     with source('tf_trajectory', bag, namespace, ros_args, seconds, reader.read) as found:
         if found.listener:  # a signal ends the recording
             listen(seconds, found.buffer.frame_names)
@@ -246,11 +242,8 @@ def _output_path(output: str, twist: bool) -> Path:
         raise UsageError('a .tum file has no place for velocities: leave out --twist, or write '
                          f'another format than {output!r}')
     if ending in DRAWINGS:
-        os.environ['MPLBACKEND'] = 'agg'  # another one might be missing, and no window is opened
         try:
-            from matplotlib.backend_bases import get_registered_canvas_class
             import matplotlib.figure  # noqa: F401
-            get_registered_canvas_class(ending[1:])
         except ImportError as error:
             raise CommandError(f'drawing needs matplotlib, which cannot be imported ({error}): '
                                'pip install matplotlib; or with ROS on Ubuntu: apt install '
@@ -330,12 +323,6 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     """Draw positions, angles and velocities over time, and the path from above."""
     from matplotlib.figure import Figure
     (target, source_frame), stamps, values = trajectory.ends, trajectory.times, trajectory.values
-    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
-        row, column = too_large[0]
-        raise CommandError(
-            f'the pose of {source_frame!r} in {target!r} is too large to draw: '
-            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
-            f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
     style = {'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}
     panels = 4 if trajectory.has_twist else 2
     figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
@@ -433,9 +420,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--topic', type=partial(topic, optional=frames),
                         help='with --bag, in place of the frames: the poses on a topic of '
                              f'{", ".join(recorded.POSES)}')
-    parser.add_argument('--tf-topic', type=topic, metavar='TOPIC',
-                        help='with --bag: read the transforms on this topic of '
-                             f'{" or ".join(recorded.TRANSFORMS)}, too')
     parser.add_argument('--twist', action='store_true',
                         help='add the velocity of the origin of source_frame and its angular '
                              'velocity, both in the axes of target_frame, averaged over '

@@ -1,6 +1,6 @@
 """The transforms between two frames in a bag, also those on other topics than TF's."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 import struct
 from typing import Any, Optional
@@ -9,20 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf import SECOND, TransformBuffer
-from puretf._text.names import comma_list, namespace_path, TF_MESSAGE
+from puretf._text.names import comma_list
 from puretf.bag import Bag, BagError, BagMessage
 
-#: The types of topics that can be read as poses, and as transforms.
+#: The types of topics that can be read as poses.
 POSES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
          'geometry_msgs/msg/PoseWithCovarianceStamped', 'geometry_msgs/msg/TransformStamped')
-TRANSFORMS = 'geometry_msgs/msg/TransformStamped', TF_MESSAGE
 
 
 class PathReader:
     """Reads the transforms between two frames, and the stamps of another topic."""
 
-    def __init__(self, frames: Sequence[str], at: Optional[str], topic: Optional[str],
-                 tf_topic: Optional[str]) -> None:
+    def __init__(self, frames: Sequence[str], at: Optional[str], topic: Optional[str]) -> None:
         """
         Read nothing yet.
 
@@ -30,28 +28,24 @@ class PathReader:
             left out: then it is the frame_id of the messages. With `topic`, there are none.
         :param at: the name of a topic whose stamps are read, too.
         :param topic: the name of a topic of poses, which are read in place of TF.
-        :param tf_topic: the name of a topic of transforms, which are read as those of TF.
         """
-        self.frames, self._at, self._topic, self._tf_topic = frames, at, topic, tf_topic
+        self.frames, self._at, self._topic = frames, at, topic
         self.stamps: Optional[NDArray[np.int64]] = None  #: those of `at` (ns); None: no such topic
 
     def read(self, bag: Bag) -> TransformBuffer:
         """Read a bag in one pass; raise a BagError if it does not have what is wanted."""
-        headers, others = _Headers(self._at or ''), [self._at] if self._at else []
         if self._topic:
             frame = f'topic {self._topic}'
-            buffer, parents = _read_topic(bag, self._topic, POSES, child=frame)
+            buffer, parents = _read_poses(bag, self._topic, frame)
             self.frames = _one_frame(self._topic, parents), frame
-        elif self._tf_topic:
-            names = [f'{namespace_path(bag.namespace)}/{name}' for name in ('tf', 'tf_static')]
-            buffer, _ = _read_topic(
-                bag, self._tf_topic, TRANSFORMS, [*names, *others], headers.add)
-        else:
-            buffer = bag.read(others=others, on_message=headers.add if self._at else None)
-        if self._at:
-            self.stamps = headers.stamps(bag)
-            if len(self.frames) == 1:
-                self.frames = headers.frame(), *self.frames
+            return buffer
+        if not self._at:
+            return bag.read()
+        headers = _Headers(self._at)
+        buffer = bag.read(others=[self._at], on_message=headers.add)
+        self.stamps = headers.stamps(bag)
+        if len(self.frames) == 1:
+            self.frames = headers.frame(), *self.frames
         return buffer
 
 
@@ -95,34 +89,20 @@ def _one_frame(topic: str, frames: set[str], remedy: str = '') -> str:
     return next(iter(frames))
 
 
-def _read_topic(bag: Bag, topic: str, types: Sequence[str], others: Sequence[str] = (),
-                on_message: Callable[[BagMessage], object] = id, child: str = ''
-                ) -> tuple[TransformBuffer, set[str]]:
-    """
-    Read the transforms or poses on a topic, and the TF messages on others.
-
-    Return them with the names of the parents on the topic. All child frames on the topic get the
-    name `child`, unless it is ''.
-    """
+def _read_poses(bag: Bag, topic: str, child: str) -> tuple[TransformBuffer, set[str]]:
+    """Return the poses on a topic as those of a child frame, and the names of the parents."""
     buffer, parents = TransformBuffer(2**63 - 1, max_samples=None), set()
-    for message in bag.messages(tf=False, others=[topic, *others]):
-        on_message(message)
-        if message.topic.is_tf:
-            with suppress(ValueError):  # it is malformed
-                for row in message.rows():
-                    buffer.insert(*row, message.publisher, message.is_static)
-        elif message.topic.name == topic and message.topic.msgtype in types and (
-                decoded := message.decoded()):
+    for message in bag.messages(tf=False, others=[topic]):
+        if message.topic.msgtype in POSES and (decoded := message.decoded()):
             stamp, parent = decoded.header.stamp, decoded.header.frame_id.removeprefix('/')
             parents.add(parent)
-            buffer.insert(stamp.sec * SECOND + stamp.nanosec, parent,
-                          child or decoded.child_frame_id, _pose(decoded))
+            buffer.insert(stamp.sec * SECOND + stamp.nanosec, parent, child, _pose(decoded))
     found = [each.msgtype for each in bag.topics if each.name == topic]
-    if set(found).isdisjoint(types):
-        fitting = sorted({each.name for each in bag.topics if each.msgtype in types})
+    if set(found).isdisjoint(POSES):
+        fitting = sorted({each.name for each in bag.topics if each.msgtype in POSES})
         raise BagError(
             f'{f"the type of {topic} is {found[0]}" if found else f"there is no topic {topic}"}; '
-            f'it must be {", ".join(types[:-1])} or {types[-1]}; topics of these types: '
+            f'it must be {", ".join(POSES[:-1])} or {POSES[-1]}; topics of these types: '
             f'{comma_list(fitting) or "none"}')
     return buffer, parents
 

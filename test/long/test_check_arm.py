@@ -49,8 +49,8 @@ def test_a_middleware_that_hangs(start, tmp_path):
             os.utime(port, 2 * (time.time() + 3600,))
         process = start(*tool('check_arm', 'arm.py'), cwd=tmp_path)
         assert process.exit_code(120.0) == 1
-        assert process.output == ('arm.py: not judged: The process that observes it has said '
-                                  'nothing for 65 s: probably the middleware hangs.\n')
+        assert process.output == ('arm.py: not judged: The process that runs and observes it '
+                                  'has said nothing for 75 s: probably the middleware hangs.\n')
     finally:
         for port in ports:
             port.unlink(missing_ok=True)

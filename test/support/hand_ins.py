@@ -138,7 +138,7 @@ CHAOS = {
     'kills_parent.py': HandIn(limited("""
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(90)
-        """), 'not judged', 'The process that runs it ended by signal 9'),
+        """), 'not judged', 'The process that runs and observes it ended by signal 9'),
 
     # Programs that end or hang
     'sys_exit.py': HandIn(program(('rclpy.spin(DummyArm())', 'DummyArm()\n        sys.exit(3)'),

@@ -255,4 +255,5 @@ def test_an_observer_that_crashes(tmp_path, monkeypatch):
         (handed_in / name).write_text('raise SystemExit')
     monkeypatch.chdir(handed_in)
     assert [*grade(['arm.py'], 1.0)] == [Grade(
-        'arm.py', None, 'The process that observes it ended by signal 6.', Verdict.NOT_JUDGED)]
+        'arm.py', None, 'The process that runs and observes it ended by signal 6.',
+        Verdict.NOT_JUDGED)]

@@ -113,14 +113,6 @@ def test_the_table_is_printed_and_the_summary_is_on_stderr(run, arm_bag, tmp_pat
         'tf_trajectory: 101 rows from 1700000000.000000000 s to 1700000005.000000000 s\n')
 
 
-def test_csv_loses_no_bit(run, arm_bag):
-    """The numbers are exactly those of a lookup, but for the sign of a quaternion."""
-    _, stamps, numbers = read_csv(run('--bag', arm_bag, *FRAMES)[0])
-    positions, rotations, _ = tf_bag.read(arm_bag).lookup_transforms(*FRAMES, stamps)
-    assert (numbers[:, :3] == positions).all()
-    assert (abs(numbers[:, 3:7]) == abs(rotations)).all()
-
-
 def test_the_file_of_evo(run, arm_bag, tmp_path):
     """Each line has the exact time in s, and the pose of the CSV file."""
     path = tmp_path / 'arm.tum'
@@ -130,15 +122,6 @@ def test_the_file_of_evo(run, arm_bag, tmp_path):
     assert [time for time, *_ in lines] == [
         f'{stamp // S}.{stamp % S:09d}' for stamp in stamps.tolist()]
     assert [[*map(float, pose)] for _, *pose in lines] == numbers[:, :7].tolist()
-
-
-def test_times_before_1970(run, tmp_path):
-    """In the file of evo, the sign is that of the whole time."""
-    bag = bag_of(tmp_path / 'bag', rows_of(('map', 'base', [-1.5, -0.25, 0.5])))
-    path = tmp_path / 'base.tum'
-    run('--bag', bag, 'map', 'base', '-o', str(path))
-    assert [line.split()[0] for line in path.read_text().splitlines()] == [
-        '-1.500000000', '-0.250000000', '0.500000000']
 
 
 def test_arrays(run, arm_bag, tmp_path):
@@ -171,18 +154,6 @@ def test_velocities(run, arm_bag):
     assert numbers[-1, 10:].tolist() == np.ravel(last).tolist()
     assert '1 of 101 rows is left out, without a transform or a velocity; the first, at ' \
         '1700000000.000000000 s: there is no velocity: Lookup would require extrap' in error
-
-
-def test_rows_at_equal_distances(run, arm_bag):
-    """They begin with the first stamp, and are interpolated between the stamps."""
-    _, stamps, numbers = read_csv(run('--bag', arm_bag, *FRAMES, '--every', '0.33')[0])
-    assert stamps.tolist() == [BEGIN + 330 * MS * i for i in range(16)]
-    assert_is_hand(stamps, numbers, within=1e-3)
-
-
-def test_frames_may_begin_with_a_slash(run, arm_bag):
-    """This holds in tf2_echo, too."""
-    assert run('--bag', arm_bag, '/map', '/end_effector') == run('--bag', arm_bag, *FRAMES)
 
 
 def test_the_stamps_are_those_of_edges_that_move(run, tmp_path):
@@ -383,29 +354,6 @@ def test_the_line_of_an_angle_does_not_jump(run, drawn, tmp_path):
     assert yaw.get_xdata()[[0, 1, 3, 7]].tolist() == [0.0, 1.0, 3.0, 6.0]
 
 
-@pytest.mark.parametrize(('x', 'ending'), [(1.01e300, 'png'), (-1.7e308, 'pdf')])
-def test_a_pose_that_is_too_large_to_draw(failed, run, there, ending, x):
-    """The line names the frames, the number and the remedy; a table can be written."""
-    pytest.importorskip('matplotlib')
-    bag = bag_of_samples(
-        there.parent / 'bag', (1, 'map', 'base', 0.0, 1.0), (2, 'map', 'base', 0.0, x))
-    assert failed(tf_trajectory.main, '--bag', bag, 'map', 'base', '-o', f'x.{ending}') == (
-        1, f"tf_trajectory: the pose of 'base' in 'map' is too large to draw: y_m is {x:g} at "
-        '2.000000000 s, and the limit is 1e+300. Write a table (.csv, .tum, .npz)\n')
-    assert not [*there.iterdir()]
-    assert run('--bag', bag, 'map', 'base')[0].count('\n') == 3
-
-
-@pytest.mark.filterwarnings('error')
-def test_the_largest_poses_that_are_drawn(run, there):
-    """There is neither an error nor a warning."""
-    pytest.importorskip('matplotlib')
-    bag = bag_of_samples(
-        there.parent / 'bag', (1, 'map', 'base', -1e300, 1e300), (2, 'map', 'base', 1e300, -1e300))
-    run('--bag', bag, 'map', 'base', '-o', 'x.png')
-    assert (there / 'x.png').read_bytes().startswith(b'\x89PNG')
-
-
 def test_no_backend_of_matplotlib_is_needed(arm_bag, there):
     """No window is opened, so the variable that chooses one does not matter; here for one row."""
     pytest.importorskip('matplotlib')
@@ -417,20 +365,6 @@ def test_no_backend_of_matplotlib_is_needed(arm_bag, there):
     assert done.stderr == ''
     assert done.stdout.startswith('wrote arm.PNG: 1 row from ')
     assert (there / 'arm.PNG').read_bytes().startswith(b'\x89PNG')
-
-
-def test_a_format_whose_backend_is_missing(failed, monkeypatch, there):
-    """The error has the remedy and comes before the bag is read."""
-    backend_bases = pytest.importorskip('matplotlib.backend_bases')
-
-    def fail(name):
-        raise ImportError(f'no backend_{name}')
-
-    monkeypatch.setattr(backend_bases, 'get_registered_canvas_class', fail)
-    code, line = failed(tf_trajectory.main, '--bag', 'nowhere', *FRAMES, '-o', 'arm.svg')
-    assert code == 1
-    assert re.fullmatch('tf_trajectory: drawing needs matplotlib, which cannot be imported .*'
-                        'no backend_svg.*: pip install matplotlib; .*\n', line)
 
 
 def test_without_matplotlib(failed, monkeypatch, run, arm_bag, tmp_path):
@@ -543,15 +477,14 @@ def test_an_empty_window(failed, walk_bag, window):
 
 
 @pytest.mark.parametrize(('arguments', 'text'), [
-    (['a', 'b', *option], '--start, --stop, --at, --topic and --tf-topic need --bag')
-    for option in (['--start', '1'], ['--stop', '5'], ['--at', '/scan'], ['--tf-topic', '/x'])
+    (option, '--start, --stop, --at and --topic need --bag') for option in (
+        ['a', 'b', '--start', '1'], ['a', 'b', '--stop', '5'], ['a', 'b', '--at', '/scan'],
+        ['--topic', '/x'])
 ] + [
-    (['--topic', '/x'], '--start, --stop, --at, --topic and --tf-topic need --bag'),
     (['a', '--bag', 'x', '--at', '/scan', '--every', '1'], 'give either --at or --every'),
     (['a', 'b', '--bag', 'x', '--every', '0'], '--every must be more than 0 s'),
     *((['--bag', 'x', '--topic', '/x', *more],
-       'with --topic, leave out the frames, --at and --tf-topic')
-      for more in (['a'], ['--at', '/y'], ['--tf-topic', '/y']))])
+       'with --topic, leave out the frames and --at') for more in (['a'], ['--at', '/y']))])
 def test_options_that_do_not_fit(failed, arguments, text):
     """The error is one line, before a bag is read."""
     assert failed(tf_trajectory.main, *arguments) == (2, f'tf_trajectory: {text}\n')
@@ -664,19 +597,6 @@ def test_rows_in_a_gap_are_left_out(run, torn_bag, tmp_path):
     assert error.count('\n') == 1
 
 
-def test_rows_in_two_gaps(run, tmp_path):
-    """The longest gap is named; of the other rows, it is said that they are in others."""
-    messages = [message for message in bags.walk() if not (
-        104 * S + MS < message[1] < 107 * S or 108 * S + MS < message[1] < 109 * S + S // 2)]
-    bag = bag_of(tmp_path / 'two', [*messages, *(
-        ('/tf', 100 * S + i * S // 10, [bags.row(100 * S + i * S // 10, 'base_link', 'tool')])
-        for i in range(101))])
-    _, error = run('--bag', bag, 'odom', 'tool')
-    assert error.splitlines()[1:] == [
-        'tf_trajectory: 43 rows are interpolated over gaps without data: odom -> base_link has '
-        'none between +4.00 and +7.00 s, and 14 of the rows are in other gaps']
-
-
 def test_poses_of_a_bag_that_is_cut_off(failed, tmp_path, logs):
     """With --partial, it is logged that something may be missing, also if nothing is found."""
     path = bags.file_of(bags.make(tmp_path, 'mcap', bags.walk()))
@@ -780,11 +700,6 @@ def test_a_topic_of_another_type(failed, tmp_path):
                         ('/odom', 'there is no topic /odom')):
         assert failed(tf_trajectory.main, '--bag', bag, '--topic', topic) == (
             1, f'tf_trajectory: {what}; {four}\n')
-    code, line = failed(tf_trajectory.main, '--bag', bag, '--tf-topic', '/pose', *FRAMES)
-    assert code == 1
-    assert line == ('tf_trajectory: the type of /pose is geometry_msgs/msg/PoseStamped; it must '
-                    'be geometry_msgs/msg/TransformStamped or tf2_msgs/msg/TFMessage; topics of '
-                    'these types: /tf, /tf_static\n')
 
 
 def test_a_topic_of_poses_in_several_frames(failed, tmp_path):
@@ -794,32 +709,3 @@ def test_a_topic_of_poses_in_several_frames(failed, tmp_path):
         for i, frame in enumerate(('map', 'odom'))])
     assert failed(tf_trajectory.main, '--bag', bag, '--topic', '/pose') == (
         1, 'tf_trajectory: the messages on /pose must be in one frame, got map, odom\n')
-
-
-@pytest.mark.parametrize('kind', ['mcap', 'bag'])
-def test_transforms_on_another_topic(run, tmp_path, kind):
-    """They are read as those of TF, and TF is read, too."""
-    version, msgtype = 1 if kind == 'bag' else 2, POSES[3]
-    static, *_ = bags.walk()
-    bag = str(bags.make(tmp_path, kind, [static, *(
-        ('/motion', 100 * S + i, posed(msgtype, 100 * S + i * S // 10, i / 10, 'odom', 'base_link',
-                                       version), msgtype) for i in range(101)),
-        *scans(*SCANS, frame='map', kind=kind)]))
-    _, stamps, numbers = read_csv(run(
-        '--bag', bag, '--tf-topic', '/motion', 'map', 'base_link')[0])
-    assert stamps.tolist() == [100 * S + i * S // 10 for i in range(101)]
-    np.testing.assert_allclose(
-        numbers[:, :3], [[1.0 + i / 10, 2.5, 2.5] for i in range(101)])
-    output, _ = run('--bag', bag, '--tf-topic', '/motion', 'base_link', '--at', '/scan')
-    assert read_csv(output)[1].tolist() == SCANS
-
-
-def test_tf_messages_on_another_topic(run, tmp_path):
-    """The topic may have any name."""
-    bag = bag_of(tmp_path / 'bag', [
-        ('/recorded/transforms' if topic == '/tf' else topic, *rest)
-        for topic, *rest in bags.walk()])
-    output, _ = run('--bag', bag, '--tf-topic', '/recorded/transforms', 'odom', 'base_link')
-    _, stamps, numbers = read_csv(output)
-    assert len(stamps) == 101
-    np.testing.assert_allclose(numbers[:, 0], stamps / S - 100.0)
