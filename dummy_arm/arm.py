@@ -45,11 +45,6 @@ class Joint:
     speed: float
     limit: float
 
-    def __post_init__(self) -> None:
-        for vector in (self.direction, self.axis):
-            if not math.isclose(math.hypot(*vector), 1.0):
-                raise ValueError(f'{self.name}: {vector} is not a unit vector')
-
 
 _X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 

@@ -19,7 +19,6 @@ from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import progress, wait
-from puretf_tools.cli.signals import check_signals
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.terminal import columns, wrapped
 
@@ -141,7 +140,7 @@ def _write_hand_in(directory: Path, report: Report, listener: 'FrameListener') -
     _write(directory / 'report.txt', '\n'.join([*format_report(report), '']))
     dot = as_dot(Forest(listener.frames()), listener.now())
     drawings: dict[str, Callable[[], str | bytes]] = {
-        'frames.pdf': lambda: draw(dot, 'pdf', check_signals),
+        'frames.pdf': lambda: draw(dot, 'pdf'),
         'arm.svg': lambda: picture(listener.buffer)}
     for name, draw_it in drawings.items():
         try:

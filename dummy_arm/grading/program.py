@@ -45,18 +45,6 @@ path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
 sys.path.insert(0, os.path.dirname(path))
 runpy.run_path(path, run_name='__main__')"""
-_ZIP = rb'PK\x03\x04'
-#: What a hand-in is that is no source, with the remedy, and the expression for its first bytes.
-_KINDS = {
-    'a document of an office program: save it as plain text':
-        rb'PK\x03\x04[\s\S]{26}(\[Content_|_rels|docProps|word/|mimetype)|\xd0\xcf\x11\xe0|{\\rtf',
-    'a PDF: hand in the source': rb'%PDF-',
-    'compiled by Python: hand in the source, a .py file':
-        rb'[\s\S][\x0c-\x0f]\r\n[\x00-\x03]\x00\x00\x00',
-    'compressed: unpack it': rb'\x1f\x8b|BZh\d1AY|\xfd7zXZ\x00|\x28\xb5\x2f\xfd',
-    'an archive: unpack it': rb"7z\xbc\xaf'\x1c|Rar!\x1a\x07|[\s\S]{257}ustar",
-    'encoded as UTF-16 or UTF-32: save it as UTF-8': rb'\xff\xfe|\xfe\xff',
-    'a zip archive that is cut off: copy it again, and unpack it': _ZIP}
 #: Why a callback is None, and why a module cannot be imported.
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
@@ -86,32 +74,21 @@ def _source(path: Path) -> str:
             data = file.read(_LONGEST_SOURCE + 1)
     except OSError as error:
         raise ProgramError(f'It cannot be read: {error.strerror}.') from None
-    for kind, beginning in _KINDS.items():
-        if re.match(beginning, data) and not (beginning == _ZIP and is_zipfile(path)):
-            raise ProgramError(f'It is {kind}.')
     if is_zipfile(path):
-        raise ProgramError('It is a zip archive: unpack it.')
+        raise ProgramError('It is a zip archive, or a document of an office program: unpack it, '
+                           'or save it as plain text.')
     if len(data) > _LONGEST_SOURCE:
         raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
-    if b'\0' in data:
-        raise ProgramError('It has null bytes, as damaged files, programs and UTF-16 have: hand '
-                           'in the source, saved as UTF-8.')
-    return _decoded(data)
-
-
-def _decoded(data: bytes) -> str:
     try:
-        return data.decode(tokenize.detect_encoding(BytesIO(data).readline)[0])
-    except (SyntaxError, LookupError, UnicodeError):
-        pass
-    try:
-        data.decode()
-    except UnicodeDecodeError:
-        raise ProgramError('It is not encoded as UTF-8: save it as UTF-8.') from None
-    named = re.search(rb'coding[:=][ \t]*([-\w.]+)', data)
-    encoding = abbreviated(named[1].decode()) if named else 'another encoding'
-    raise ProgramError(f'It is encoded as UTF-8, but a comment at its beginning says coding: '
-                       f'{encoding}. Remove this comment.')
+        encoding, _ = tokenize.detect_encoding(BytesIO(data).readline)
+        if b'\0' not in data:
+            return data.decode(encoding)
+    except (SyntaxError, LookupError, UnicodeError) as error:
+        why = f': {error}'
+    else:
+        why = ''
+    raise ProgramError('It is not text in UTF-8 (nor is a PDF, an archive or a compiled program): '
+                       f'hand in the source, a .py file, saved as UTF-8{why}.')
 
 
 def _parsed(source: str, path: Path) -> ast.Module:

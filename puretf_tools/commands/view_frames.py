@@ -1,7 +1,6 @@
 """The command `view_frames`: draw the tree of all frames to a file or in the terminal."""
 
 from collections.abc import Sequence
-from itertools import islice
 from pathlib import Path
 import sys
 from typing import Optional, TYPE_CHECKING
@@ -10,13 +9,13 @@ from puretf import exact_time, Frame, in_seconds
 from puretf._text.names import shortened, visible
 from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
-from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, frame_name, Parser, run, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME
 from puretf_tools.cli.signals import check_signals, sleep
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
-from puretf_tools.inspection.terminal import columns, height, is_terminal, Once, show, wrapped
+from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.source import source
 
@@ -24,18 +23,16 @@ if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
 
 FORMATS = ('.pdf', '.svg', '.png')
-#: Endings that are refused. To a name with another one, .pdf is added: `v1.2` is `v1.2.pdf`.
-OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
 #: A drawing of more frames is not legible, and can take minutes.
 MAX_FRAMES = 2000
 #: The interval at which --watch prints the tree (s).
 _REFRESH = 1.0
 
 
-def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> list[str]:
+def format_tree(forest: Forest, now: int) -> list[str]:
     """Draw trees as text, with rates, ages at a time (ns) and publishers."""
     rows = []
-    for branches, name, frame in islice(forest.lines(), max_lines):
+    for branches, name, frame in forest.lines():
         rate = age = ''
         if frame is not None and not frame.is_static:
             hertz = rate_of(frame)
@@ -104,8 +101,7 @@ def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> No
     else:
         hint = frame_listener.topics_hint()
         line = f'Warning: {hint}' if hint else frame_listener.clock_text()
-        warning = wrapped(line) if line else []
-        show([*warning, *format_tree(forest, now, height())], len(warning) + forest.line_count)
+        show([*(wrapped(line) if line else []), *format_tree(forest, now)])
 
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
@@ -119,16 +115,7 @@ def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
 
 def output_path(output: str) -> Path:
     """Return the path of the drawing, with its ending; check that it can be written."""
-    path = Path(output)
-    if path.name in ('', '..') or output.endswith('/'):
-        raise UsageError(f'{output!r} is not a file name')
-    if path.suffix.lower() in OTHER_FORMATS:
-        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or have no ending that '
-                         'names a format; then .pdf is added')
-    if path.suffix.lower() not in FORMATS:
-        path = path.with_name(f'{path.name}.pdf')
-    check_writable(path)
-    return path
+    return path_to_write(output if Path(output).suffix else f'{output}.pdf', FORMATS)
 
 
 def save(forest: Forest, now: int, path: Path) -> None:
@@ -138,7 +125,7 @@ def save(forest: Forest, now: int, path: Path) -> None:
         if (count := len(forest.names)) > MAX_FRAMES:
             raise CommandError(f'{count} frames are too many to draw; the limit is {MAX_FRAMES}: '
                                'draw a part with --root FRAME, or print the tree with --text')
-        drawing = draw(dot, path.suffix[1:].lower(), check_signals)
+        drawing = draw(dot, path.suffix[1:].lower())
     except (CommandError, DrawingError) as error:
         write(dot_path, dot.encode())
         raise CommandError(f'{error}; wrote {dot_path}') from None
@@ -178,7 +165,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '          view_frames --bag robot.mcap')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
                         help='the file of the drawing, in the format .pdf, .svg or .png; to a '
-                             'name without a format, .pdf is added (default: %(default)s)')
+                             'name without an ending, .pdf is added (default: %(default)s)')
     parser.add_argument('--text', action='store_true',
                         help='print the tree with rates, ages and publishers, and write no file')
     parser.add_argument('--watch', action='store_true',

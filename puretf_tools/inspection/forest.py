@@ -44,11 +44,6 @@ class Forest:
         """The names of all frames, including those without a parent."""
         return *self.roots, *self.frames
 
-    @property
-    def line_count(self) -> int:
-        """The number of lines that `lines` yields."""
-        return len(self.roots) + len(self.loops) + len(self.frames)
-
     def subtree(self, root: str) -> 'Forest':
         """Return a frame and its descendants, including those that are reached through a loop."""
         found, pending = {}, [root]

@@ -1,13 +1,10 @@
 """The graph of the frames: in the DOT language, and as a drawing."""
 
-from collections.abc import Callable
 from contextlib import suppress
 import os
 import signal
 import subprocess
 import sys
-from tempfile import TemporaryFile
-from typing import Optional
 
 from puretf import exact_time, Frame, in_seconds
 from puretf._text.names import dot_quoted, LONGEST_NAME, shortened
@@ -15,8 +12,6 @@ from puretf._text.times import display_time
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.traffic import rate_of
 
-#: The interval of `tick` (s).
-_STEP = 0.05
 #: The program that draws. It gets `sys.path`, since `python -c` prefers the working directory.
 _DRAWING = """
 import sys
@@ -80,12 +75,8 @@ def _label(text: str) -> str:
     return text
 
 
-def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) -> bytes:
-    """
-    Draw a graph as pdf, svg or png; raise a DrawingError if that fails.
-
-    :param tick: called every 0.05 s; an exception that it raises ends the drawing.
-    """
+def draw(dot: str, file_format: str) -> bytes:
+    """Draw a graph as pdf, svg or png; raise a DrawingError if that fails."""
     try:
         import pygraphviz  # noqa: F401  (an error is clearer here than from the process)
     except ImportError as error:
@@ -93,24 +84,16 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
     # Ctrl-C cannot interrupt the C code of graphviz, but its process can be killed. It has its own
-    # session, so that Ctrl-C reaches only the caller. The graph is passed in a file: if
-    # communicate() times out before all input is sent, its next call does not send the rest.
+    # session, so that Ctrl-C reaches only the caller.
     try:
-        with TemporaryFile() as graph:
-            graph.write(dot.encode())
-            graph.seek(0)
-            process = subprocess.Popen(
-                [sys.executable, '-c', _DRAWING, file_format, *sys.path], start_new_session=True,
-                stdin=graph, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        process = subprocess.Popen(
+            [sys.executable, '-c', _DRAWING, file_format, *sys.path], start_new_session=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     except OSError as error:
         raise DrawingError(f'cannot start the process that draws: {error.strerror}') from None
-    drawing: Optional[bytes] = None
     with process:
         try:
-            while drawing is None:
-                tick()
-                with suppress(subprocess.TimeoutExpired):
-                    drawing, errors = process.communicate(timeout=_STEP)
+            drawing, errors = process.communicate(dot.encode())
         except BaseException:
             if sys.platform == 'win32':
                 process.kill()

@@ -10,7 +10,6 @@ import re
 import shutil
 import sys
 from textwrap import wrap
-from typing import Optional
 from unicodedata import combining, east_asian_width
 
 from puretf._text.names import LONGEST
@@ -20,17 +19,12 @@ _NUMBER = re.compile(r'(?<![\w./-])-?\d+(\.\d+)?(?!\w)')
 _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 
-def show(lines: Sequence[str], count: Optional[int] = None) -> None:
-    """
-    Print lines; on a terminal, clear it and cut them off at its size; else, add an empty line.
-
-    :param count: the number of all lines, if `lines` has only the first `height()` of them.
-    """
+def show(lines: Sequence[str]) -> None:
+    """Print lines; on a terminal, clear it and cut them off at its size; else, end with ''."""
     if is_terminal():
         columns, rows = shutil.get_terminal_size()
-        count = len(lines) if count is None else count
-        if count >= rows:
-            rest = count - rows + 2
+        if len(lines) >= rows:
+            rest = len(lines) - rows + 2
             lines = [*lines[:max(0, rows - 2)],
                      f'... {rest} more lines (pipe the output to see all)']
         print(_HOME_AND_CLEAR + '\n'.join(cut(line, columns) for line in lines))
@@ -41,11 +35,6 @@ def show(lines: Sequence[str], count: Optional[int] = None) -> None:
 def is_terminal() -> bool:
     """Return True if stdout is a terminal."""
     return sys.stdout.isatty()
-
-
-def height() -> Optional[int]:
-    """Return the number of lines of the terminal; None if stdout is not a terminal."""
-    return shutil.get_terminal_size().lines if is_terminal() else None
 
 
 def wrapped(text: str, indent: str = '') -> list[str]:

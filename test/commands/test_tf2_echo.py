@@ -3,7 +3,7 @@
 import re
 
 from cli_runner import call
-from processes import tool, tool_without_ros
+from processes import tool
 import pytest
 from ros_node import stamped
 
@@ -124,13 +124,3 @@ def test_a_failure_is_printed_and_it_goes_on(ros):
     assert re.search(r" 'robot' in the tree with root 'elsewhere'\. .*More: ", first)
     assert {*others} == {first.split(" 'map' is in the tree with root ")[0]}
     assert 'Frame robot exists with parent elsewhere.\n' in output
-
-
-def test_a_bag_without_ros(start, tmp_path):
-    """It prints one transform, and ends with exit code 0."""
-    bags = pytest.importorskip('bags')
-    process = start(*tool_without_ros(
-        'tf2_echo', 'map', 'base_link', '--bag', str(bags.make(tmp_path, 'mcap', bags.walk()))))
-    assert process.exit_code() == 0
-    assert process.output.startswith(
-        'At time 110.000000000\n- Translation: [11.000, 2.000, 3.000]\n')

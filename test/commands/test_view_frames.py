@@ -3,10 +3,9 @@
 import random
 import re
 import signal
-import sys
 
 from cli_runner import call
-from processes import cpu_seconds, is_running, tool, tool_without_ros
+from processes import cpu_seconds, is_running, tool
 import pytest
 from rclpy.time import Time
 from ros_node import eventually, stamped
@@ -93,23 +92,6 @@ def test_sim_time_is_used(ros):
     assert result.code == 0
 
 
-def test_a_bar_on_a_terminal(arm_domain):
-    """The progress bar is erased before the tree is printed."""
-    code, output, error = call(main, '--text', '-t', '0.5', domain=arm_domain, columns=80)
-    assert code == 0
-    assert 'waiting for transforms' in error
-    assert re.search(r'\rlistening .* of 0\.5 s *\r +\r$', error)
-    assert re.match(r'\w+\r\n└── ', output)
-
-
-def test_without_tqdm_there_is_no_bar(arm_domain, monkeypatch):
-    """On a terminal, the rest of the output is the same as with tqdm."""
-    monkeypatch.setitem(sys.modules, 'tqdm', None)
-    code, output, error = call(main, '--text', '-t', '0.1', domain=arm_domain, columns=80)
-    assert (code, error) == (0, '')
-    assert re.match(r'\w+\r\n└── ', output)
-
-
 def test_a_live_tree_on_a_terminal(arm_domain):
     """It is printed again and again in the same place."""
     result = call(main, '--watch', domain=arm_domain, columns=80,
@@ -141,17 +123,6 @@ def test_a_live_tree_waits_for_its_root(ros, publish_static):
     result = call(main, '--watch', '--root', 'tool', domain=ros.domain, until=until)
     assert result.code == 0
     assert missing in result.stdout
-
-
-def test_a_bag_without_ros(start, tmp_path):
-    """Where stdout cannot encode the lines of the tree, as on Windows, they are replaced."""
-    bags = pytest.importorskip('bags')
-    bag = str(bags.make(tmp_path / 'robot', 'mcap', bags.walk()))
-    process = start(*tool_without_ros('view_frames', '--text', '--bag', bag),
-                    environment={'PYTHONIOENCODING': 'cp1252'})
-    assert process.exit_code() == 0
-    assert 'base_link    10.0 Hz    0.000 s old  not recorded\n' in process.output
-    assert 'Traceback' not in process.output
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])

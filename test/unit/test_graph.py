@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 import signal
 import sys
+from threading import Thread
 import time
 from xml.etree import ElementTree
 
@@ -142,12 +143,14 @@ def test_an_interruption_ends_all_that_draws(stand_in, tmp_path):
     pids = tmp_path / 'pids'
 
     def interrupt():
-        if pids.exists():
-            raise KeyboardInterrupt
+        while not pids.exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
 
+    deadline, thread = time.monotonic() + TIMEOUT, Thread(target=interrupt)
+    thread.start()
     with pytest.raises(KeyboardInterrupt):
-        draw(str(pids), 'pdf', interrupt)
-    deadline = time.monotonic() + TIMEOUT
+        draw(str(pids), 'pdf')
     drawing, sleeper = map(int, pids.read_text().split())
     try:
         while is_running(drawing) or is_running(sleeper):

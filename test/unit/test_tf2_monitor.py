@@ -84,19 +84,3 @@ def test_lines():
         '',
         'All Broadcasters:       rate   average delay     max delay        node',
         '                        ? Hz -1000000.500000 s 12345678.250000 s  /arm']
-
-
-def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
-    """The columns of the other lines are as they would be without the long name."""
-    name = 'x' * 3000
-    short = f'{"x" * 49}...{"x" * 48}'
-    rows = [NodeTraffic('base', '/arm', True, True, None, None),
-               NodeTraffic('\x1b' * 3000, '/arm', True, True, None, None),
-               NodeTraffic(name, f'/{name}', True, True, None, None),
-               NodeTraffic(name, '/arm', True, True, None, None)]
-    lines = format_traffic(rows)
-    assert lines[0] == (f'Warning: {short} is published by /{"x" * 48}...{"x" * 48} and /arm; '
-                        'a frame should have one publisher')
-    assert lines[3] == f'  base      static{"":30}  /arm'
-    assert lines[5] == f'  {short}     static{"":30}  /{"x" * 48}...{"x" * 48}'
-    assert len(lines[4]) == 2 + len('...') + 97 * len('\\x1b') + 41 + len('  /arm')
