@@ -29,7 +29,7 @@ from puretf._text.names import comma_list, quoted, shortened
 from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import Parser, run, UsageError
+from puretf_tools.cli.parser import Parser, run
 from puretf_tools.inspection.joint_states import JointStateReader
 
 MAP = 'map'
@@ -110,10 +110,11 @@ class DummyArm(Node):
     """
 
     def __init__(self) -> None:
-        """Start publishing, or raise UsageError: the value of a parameter is invalid."""
+        """Start publishing, or raise ParameterException: the value of a parameter is invalid."""
         super().__init__('dummy_arm')
         self._arm = Arm()
         self._quantities = number_parameters(self._arm)
+        self.add_on_set_parameters_callback(self._check)
         self._declare_parameters()
         self._waves = [Wave(self._number(f'{joint.name}.speed'),
                             self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
@@ -149,33 +150,20 @@ class DummyArm(Node):
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
         self._warning = self.create_timer(
             CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._apply)
 
     def _declare_parameters(self) -> None:
         for name, quantity in self._quantities.items():
-            # Dynamic typing accepts integers, too; NumberParameter checks the value.
-            value = self.declare_parameter(
-                name, quantity.default, ParameterDescriptor(dynamic_typing=True)).value
-            problem = quantity.problem(name, value)
-            if problem:
-                raise UsageError(problem)
-            self.set_descriptor(name, ParameterDescriptor(
+            # Dynamic typing accepts integers, too; `_check` checks the value.
+            self.declare_parameter(name, quantity.default, ParameterDescriptor(
                 dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})',
                 floating_point_range=[FloatingPointRange(
                     from_value=quantity.smallest, to_value=quantity.largest)]))
-        prefix = self.declare_parameter(PREFIX, '', ParameterDescriptor(dynamic_typing=True)).value
-        if not isinstance(prefix, str) or prefix.startswith('/'):
-            raise UsageError(f'{PREFIX} must be text that does not begin with /, got {prefix!r}')
-        self.set_descriptor(PREFIX, ParameterDescriptor(
-            read_only=True, type=Parameter.Type.STRING.value, description=PREFIX_DESCRIPTION))
+        self.declare_parameter(PREFIX, '', ParameterDescriptor(
+            read_only=True, description=PREFIX_DESCRIPTION))
         for name, meaning in SWITCHES.items():
-            value = self.declare_parameter(
-                name, True, ParameterDescriptor(dynamic_typing=True)).value
-            if not isinstance(value, bool):
-                raise UsageError(f'{name} must be true or false, got {value!r}')
-            self.set_descriptor(name, ParameterDescriptor(
-                read_only=True, type=Parameter.Type.BOOL.value, description=meaning))
+            self.declare_parameter(name, True, ParameterDescriptor(
+                read_only=True, description=meaning))
 
     def _number(self, name: str) -> float:
         return float(self.get_parameter(name).value)
@@ -189,6 +177,8 @@ class DummyArm(Node):
         for parameter in parameters:
             quantity = self._quantities.get(parameter.name)
             problem = quantity and quantity.problem(parameter.name, parameter.value)
+            if parameter.name == PREFIX and parameter.value.startswith('/'):
+                problem = f'{PREFIX} must not begin with /, got {parameter.value!r}'
             if problem:
                 return SetParametersResult(successful=False, reason=problem)
         return SetParametersResult(successful=True)

@@ -25,7 +25,7 @@ from puretf import Transform, TransformBroadcaster
 from puretf.rotations import quaternion_from_euler
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import Parser, run, UsageError
+from puretf_tools.cli.parser import Parser, run
 
 #: The values of the parameter `rotation`.
 ROTATIONS = ('identity', 'quaternion', 'euler')
@@ -44,13 +44,10 @@ class DynamicTfPublisher(Node):
         super().__init__('dynamic_tf_publisher')
         # Without dynamic typing, ROS would reject roll:=1, because 1 is an integer.
         any_type = ParameterDescriptor(dynamic_typing=True)
+        self.add_on_set_parameters_callback(self.check)
         self.declare_parameter('rotation', 'identity', any_type)
         for name in OFFSETS:
             self.declare_parameter(name, 0.0, any_type)
-        for name in ('rotation', *OFFSETS):
-            if reason := problem(self.get_parameter(name)):
-                raise UsageError(reason)
-        self.add_on_set_parameters_callback(self.check)
         self.angle = 0.0  # angle of moving_frame on the circle (rad)
         self.broadcaster = TransformBroadcaster(self)
         self.timer = self.create_timer(PERIOD, self.publish)

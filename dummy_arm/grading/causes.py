@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dummy_arm.grading.samples import Arm, Samples
-from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, JOINTS, Vector
+from dummy_arm.grading.sheet import BASE, FRAMES, JOINTS, SHEET, SheetFrame, Vector
 from dummy_arm.grading.sine import FASTEST, fit, Floats, Sine
 from puretf._text.names import comma_list, shortened
 from puretf._text.similar_names import near_names
@@ -85,7 +85,7 @@ def has_ints(numbers: Floats) -> bool:
     return bool(((numbers != 0.0) & (abs(numbers) < _SMALLEST_FLOAT)).any())
 
 
-def fault_of_edge(arm: Arm, edge: Edge) -> Optional[Fault]:
+def fault_of_edge(arm: Arm, edge: SheetFrame) -> Optional[Fault]:
     """Return what is wrong with an edge of the tree: with its frames, or with who sends it."""
     name, samples = edge.name, arm.samples.get(edge.name)
     reverse = arm.samples.get(edge.parent)
@@ -114,7 +114,7 @@ def fault_of_edge(arm: Arm, edge: Edge) -> Optional[Fault]:
     return f'{parents} → {name}', _star(arm, samples) or cause
 
 
-def _fault_of_missing(arm: Arm, edge: Edge) -> Fault:
+def _fault_of_missing(arm: Arm, edge: SheetFrame) -> Fault:
     if near := _nearest(edge.name, [name for name in arm.samples if name not in FRAMES]):
         misspelt = repr(shortened(near))
         return misspelt, f'{misspelt} is misspelt: the name is {edge.name}.'
@@ -139,7 +139,7 @@ def _fault_of_missing(arm: Arm, edge: Edge) -> Fault:
 
 def _star(arm: Arm, samples: Samples) -> str:
     """Say that most frames have the same parent; '' if they have not."""
-    children = [child.name for child in EDGES if child.name in arm.samples
+    children = [child.name for child in SHEET if child.name in arm.samples
                 and samples.parents[0] in arm.samples[child.name].parents]
     return (f'The tree is a star: {", ".join(children)} have the same parent. In a chain, the '
             'parent of a frame is the frame before it.') if len(children) > 2 else ''
@@ -189,17 +189,17 @@ def fault_of_stamps(name: str, samples: Samples, largest: float, delayed: float
 # Positions and rotations
 
 
-def of_position(edge: Edge, positions: Floats, position: Vector) -> str:
+def of_position(edge: SheetFrame, positions: Floats, position: Vector) -> str:
     if np.ptp(positions, axis=0).max() > POSITION_TOLERANCE:
         return (f'The position of {edge.name} changes. Only its rotation may change: the rotation '
                 f'of {edge.parent} already moves {edge.name}.')
     length = max(edge.position)
     if abs(float(np.linalg.norm(position)) - length) <= POSITION_TOLERANCE:
         return f'The distance is right, but not the direction: {edge.name} is {edge.place}.'
-    for other in EDGES[1:]:
+    for other in SHEET[1:]:
         if is_near(position, other.position):
             return f'This is the position of {other.name}: the positions are at the wrong frames.'
-    from_base = np.sum([other.position for other in EDGES[:EDGES.index(edge) + 1]], axis=0)
+    from_base = np.sum([other.position for other in SHEET[:SHEET.index(edge) + 1]], axis=0)
     if is_near(position, from_base):
         return (f'This is the position in base_link. A transform has the position in the parent, '
                 f'which is {edge.parent}.')
@@ -215,7 +215,7 @@ def is_near(position: Vector, expected: ArrayLike) -> bool:
     return bool(np.linalg.norm(np.subtract(position, expected)) <= POSITION_TOLERANCE)
 
 
-def of_axis(joint: Edge, samples: Samples, axes: str) -> str:
+def of_axis(joint: SheetFrame, samples: Samples, axes: str) -> str:
     if samples.has_wrong_order:
         return WRONG_ORDER
     if axes in ('x', 'y'):
@@ -224,7 +224,7 @@ def of_axis(joint: Edge, samples: Samples, axes: str) -> str:
     return f'{joint.name} must turn about z only: x and y of its quaternion are 0.'
 
 
-def of_excess(joint: Edge, largest: float) -> str:
+def of_excess(joint: SheetFrame, largest: float) -> str:
     """Return why the largest angle of a joint exceeds its limit."""
     excess = f'The limit is exceeded by {in_degrees(largest - joint.limit)}'
     is_double = abs(largest / joint.limit - 2) < 0.04
@@ -272,7 +272,7 @@ def of_small_motion(name: str, span: float) -> str:
             'the current time.')
 
 
-def of_wave(joint: Edge, times: Floats, angles: Floats, sine: Sine) -> str:
+def of_wave(joint: SheetFrame, times: Floats, angles: Floats, sine: Sine) -> str:
     """Return why the motion of a joint is not a sine."""
     too_fast = f'{joint.name} moves too fast to see a wave: {_UNIT_OF_TIME}'
     if sine.speed > 0.9 * FASTEST:
@@ -296,7 +296,7 @@ def of_wave(joint: Edge, times: Floats, angles: Floats, sine: Sine) -> str:
     return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
 
 
-def of_short_time(joint: Edge, sine: Sine) -> str:
+def of_short_time(joint: SheetFrame, sine: Sine) -> str:
     """Return why less than a period was observed, and how long to observe the arm."""
     seconds = max(25, 5 * int(np.ceil(2 * pi / sine.speed / 5)))
     remedy = f'observe the arm for {seconds} s (--time {seconds})'
@@ -305,7 +305,7 @@ def of_short_time(joint: Edge, sine: Sine) -> str:
     return f'{sine.span:.1f} s are less than a period: {remedy}.'
 
 
-def of_speed(joint: Edge, speed: float, has_fixed_step: bool) -> str:
+def of_speed(joint: SheetFrame, speed: float, has_fixed_step: bool) -> str:
     """Return how fast a joint is in comparison with the sheet, and why."""
     ratio = speed / joint.speed
     how = {0.5: 'half', 2.0: 'twice'}.get(round(ratio, 1), f'{ratio:.2g} times')
@@ -315,7 +315,7 @@ def of_speed(joint: Edge, speed: float, has_fixed_step: bool) -> str:
             f'rad/s): {why}')
 
 
-def of_slow_joint(joint: Edge) -> str:
+def of_slow_joint(joint: SheetFrame) -> str:
     return (f'{joint.name} is much too slow: {_UNIT_OF_TIME} Or is the speed converted? About '
             f'{joint.speed} rad/s is in radians already: do not convert it.')
 

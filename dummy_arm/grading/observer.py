@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dummy_arm.grading.processes import pid_of_publisher
 from dummy_arm.grading.program import ProgramError
-from dummy_arm.grading.records import Messages, Publisher, Report
+from dummy_arm.grading.records import ArmPublisher, Messages, Report
 from dummy_arm.grading.sheet import BASE
 from puretf_tools.cli.signals import wait_until
 
@@ -30,7 +30,7 @@ class Observer:
         #: True if a message of /tf has been received.
         self.has_started = False
         #: All publishers that have been seen on the topics of transforms, by gid.
-        self._publishers: dict[str, Publisher] = {}
+        self._publishers: dict[str, ArmPublisher] = {}
 
     def poll(self) -> bool:
         """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
@@ -43,11 +43,11 @@ class Observer:
             message.is_static for message in self.messages)
         for gid, (node, topic) in self.listener.publishers().items():
             if gid not in self._publishers:
-                self._publishers[gid] = Publisher(
+                self._publishers[gid] = ArmPublisher(
                     gid, node, topic == self.listener.topics[0], pid_of_publisher(gid))
         return self.has_started
 
-    def publishers(self) -> list[Publisher]:
+    def publishers(self) -> list[ArmPublisher]:
         """Return the publishers that have been seen, those of the oldest process first."""
         return sorted(self._publishers.values(), key=lambda each: each.pid)
 

@@ -18,7 +18,7 @@ class Verdict:
     OK, NOT_OK, NOT_JUDGED, NOT_RUN, ADVICE = 'ok', 'not ok', 'not judged', 'not run', 'advice'
 
 
-class Message(NamedTuple):
+class ArmMessage(NamedTuple):
     """A message that was received or recorded."""
 
     time: int  #: the time of arrival or of the recording (ns); 0: not known
@@ -29,7 +29,7 @@ class Message(NamedTuple):
     rows: Sequence[Any]
 
 
-class Messages(list[Message]):
+class Messages(list[ArmMessage]):
     """The messages of an arm."""
 
     size = 0  #: the number of their transforms
@@ -38,11 +38,11 @@ class Messages(list[Message]):
         """Add a message that was received or recorded, if it can be decoded."""
         with suppress(ValueError):  # the listener logs this error
             rows = message.rows()
-            self.append(Message(message.time, message.is_static, message.publisher, rows))
+            self.append(ArmMessage(message.time, message.is_static, message.publisher, rows))
             self.size += len(rows)
 
 
-class Publisher(NamedTuple):
+class ArmPublisher(NamedTuple):
     """A publisher on /tf or /tf_static that has been in the ROS graph during the observation."""
 
     gid: str  #: as `Message.publisher`

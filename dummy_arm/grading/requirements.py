@@ -17,7 +17,7 @@ from dummy_arm.grading import causes
 from dummy_arm.grading.causes import DIFFERENT, Fault, in_degrees, is_near, metres, SPEED_FACTOR
 from dummy_arm.grading.records import Line, Report, Verdict
 from dummy_arm.grading.samples import Arm, largest_angle
-from dummy_arm.grading.sheet import BASE, Edge, EDGES, FRAMES, HAND, JOINTS, Vector
+from dummy_arm.grading.sheet import BASE, FRAMES, HAND, JOINTS, SHEET, SheetFrame, Vector
 from dummy_arm.grading.sine import FEWEST, fit_sine, Floats, Sine
 from puretf import SECOND
 from puretf._text.names import comma_list, shortened
@@ -65,8 +65,8 @@ class Requirement(NamedTuple):
 
     text: str
     needs: tuple[str, ...]  #: the texts of other requirements
-    judge: Callable[[Arm, Edge, Mapping[str, Result]], Result]
-    edge: Edge = Edge('', '', (0.0, 0.0, 0.0))  #: whose frame is judged; else the whole arm
+    judge: Callable[[Arm, SheetFrame, Mapping[str, Result]], Result]
+    edge: SheetFrame = SheetFrame('', '', (0.0, 0.0, 0.0))  #: the one that is judged; else the arm
 
 
 def check(arm: Arm) -> Report:
@@ -121,7 +121,7 @@ def _validity(arm: Arm, *_: Any) -> Result:
 
 def _tree(arm: Arm, *_: Any) -> Result:
     """Judge the names of the frames and of their parents, and who sends them."""
-    faults = {edge.name: fault for edge in EDGES if (fault := causes.fault_of_edge(arm, edge))}
+    faults = {edge.name: fault for edge in SHEET if (fault := causes.fault_of_edge(arm, edge))}
     if 'map' in arm.samples and not faults:
         parents = comma_list([*arm.samples['map'].parents], shortened)
         return Result(f'{parents} → map',
@@ -191,14 +191,14 @@ def _hand(arm: Arm, *_: Any) -> Result:
 # Positions and joints
 
 
-def _position(arm: Arm, edge: Edge, _: Any) -> Result:
+def _position(arm: Arm, edge: SheetFrame, _: Any) -> Result:
     positions = arm.samples[edge.name].positions
     position = _farthest(positions, edge.position)
     return Result(metres(position), '' if is_near(position, edge.position) else
                   causes.of_position(edge, positions, position))
 
 
-def _axis(arm: Arm, joint: Edge, _: Any) -> Result:
+def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Result:
     samples = arm.samples[joint.name]
     x, y, z = abs(samples.rotations[:, :3]).max(axis=0)
     if largest_angle(samples.rotations[:, :2]) <= _ROTATION_TOLERANCE:
@@ -209,7 +209,7 @@ def _axis(arm: Arm, joint: Edge, _: Any) -> Result:
     return Result(f'about {axes}', causes.of_axis(joint, samples, axes), [joint.name])
 
 
-def _motion(arm: Arm, joint: Edge, _: Any) -> Result:
+def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Result:
     samples = arm.samples[joint.name]
     if samples.is_static.all():
         return Result('on /tf_static', causes.static_joints(arm), [joint.name])
@@ -221,7 +221,7 @@ def _motion(arm: Arm, joint: Edge, _: Any) -> Result:
         measured, causes.of_small_motion(joint.name, span), [joint.name])
 
 
-def _limit(arm: Arm, joint: Edge, _: Any) -> Result:
+def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Result:
     angles = arm.samples[joint.name].angles
     largest = float(abs(angles).max())
     measured = f'{in_degrees(float(angles.min()))} to {in_degrees(float(angles.max()))}'
@@ -234,7 +234,7 @@ def _limit(arm: Arm, joint: Edge, _: Any) -> Result:
     return Result(measured, causes.of_excess(joint, largest))
 
 
-def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
+def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Result:
     samples = arm.samples[joint.name]
     usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
     stamps = samples.stamps[usable]
@@ -259,7 +259,7 @@ def _sine(arm: Arm, joint: Edge, _: Any) -> Result:
                   '' if found else causes.of_wave(joint, times, angles, sine), value=found)
 
 
-def _speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
+def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
     sines: list[Sine] = [result.value for result in needed.values()]
     for joint, sine in zip(JOINTS, sines):
         if sine and sine.periods < _SLOW and sine.span >= causes.LONG_ENOUGH:
@@ -313,7 +313,7 @@ REQUIREMENTS = (
     Requirement('base_link is fixed at the origin of map', _IN_TREE, _base_at_origin, BASE),
     Requirement(_LATE, (*_IN_TREE, _STATIC), _late_joiner, BASE),
     *(Requirement(f'{edge.name} is {edge.place} from {edge.parent}', _IN_TREE, _position, edge)
-      for edge in EDGES[1:]),
+      for edge in SHEET[1:]),
     *(Requirement(text, _IN_TREE, _axis, joint) for joint, text in _AXIS.items()),
     *(Requirement(text, (*_IN_TREE, _AXIS[joint]), _motion, joint)
       for joint, text in _MOVES.items()),
@@ -336,7 +336,7 @@ def _rate(arm: Arm, *_: Any) -> Result:
                   f'{name} is sent {rate:.1f} times a second: its motion does not look smooth.')
 
 
-def _clock(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
+def _clock(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
     sines: list[Sine] = [result.value for result in needed.values() if result.value]
     if any(sine.has_fixed_step for sine in sines):
         return Result('a sine of the number of the message',
@@ -352,7 +352,7 @@ def _same_stamp(arm: Arm, *_: Any) -> Result:
                   'Call get_clock().now() once in each tick, and use it for all frames.')
 
 
-def _use_of_limits(arm: Arm, _: Edge, needed: Mapping[str, Result]) -> Result:
+def _use_of_limits(arm: Arm, _: SheetFrame, needed: Mapping[str, Result]) -> Result:
     used = {joint.name: float(abs(arm.samples[joint.name].angles).max()) / joint.limit
             for joint in JOINTS if not _why_not(joint.name, needed)}
     name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
@@ -372,7 +372,7 @@ def _other_frames(arm: Arm, *_: Any) -> Result:
                   f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
 
 
-def _usual_speeds(_: Arm, __: Edge, needed: Mapping[str, Result]) -> Result:
+def _usual_speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
     speeds: Sequence[float] = needed[_SPEEDS].value or ()
     has_fixed_step = bool(needed[_CLOCK].cause)
     cause = next((causes.of_speed(joint, speed, has_fixed_step)

@@ -9,8 +9,8 @@ from typing import Any, Optional
 
 import numpy as np
 
-from dummy_arm.grading.records import Message, Publisher
-from dummy_arm.grading.sheet import EDGES, FRAMES
+from dummy_arm.grading.records import ArmMessage, ArmPublisher
+from dummy_arm.grading.sheet import FRAMES, SHEET
 from dummy_arm.grading.sine import Floats
 from puretf import SECOND
 from puretf._text.names import shortened
@@ -23,7 +23,7 @@ _SMALL_W = 0.4
 class Samples:
     """The transforms of one frame, each with its message, in the order of their arrival."""
 
-    def __init__(self, rows: list[tuple[Message, Any]]) -> None:
+    def __init__(self, rows: list[tuple[ArmMessage, Any]]) -> None:
         # As they appear.
         self.parents = [*{row.frame_id.removeprefix('/'): None for _, row in rows}]
         self.is_static = np.array([message.is_static for message, _ in rows])
@@ -81,8 +81,8 @@ class Samples:
 class Arm:
     """The transforms of an arm, and who sends them."""
 
-    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None,
-                 end: Optional[int] = None, publishers: Sequence[Publisher] = (),
+    def __init__(self, messages: Iterable[ArmMessage], reaches_late_joiners: Optional[bool] = None,
+                 end: Optional[int] = None, publishers: Sequence[ArmPublisher] = (),
                  int_line: int = 0) -> None:
         """
         Sort messages by frame.
@@ -97,7 +97,7 @@ class Arm:
         """
         self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
         self.int_line = int_line
-        rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
+        rows: defaultdict[str, list[tuple[ArmMessage, Any]]] = defaultdict(list)
         #: A frame that is in one message more than once; '': none.
         self.repeated = ''
         for message in messages:
@@ -109,7 +109,7 @@ class Arm:
         self.samples = {name: Samples(found) for name, found in rows.items()}
         self.others = [shortened(name) for name in self.samples if name not in FRAMES]
         #: The frames of the arm that are on /tf, in the order of the chain.
-        self.moving = {edge.name: samples for edge in EDGES
+        self.moving = {edge.name: samples for edge in SHEET
                        if (samples := self.samples.get(edge.name)) and len(samples.times)}
         times = [samples.times[-1] for samples in self.samples.values() if len(samples.times)]
         self.end = max(times, default=0.0) if end is None else end / SECOND  # s

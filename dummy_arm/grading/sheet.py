@@ -6,7 +6,7 @@ from typing import NamedTuple
 Vector = tuple[float, float, float]
 
 
-class Edge(NamedTuple):
+class SheetFrame(NamedTuple):
     """What the sheet of the lab requires of a frame."""
 
     name: str
@@ -22,11 +22,11 @@ class Edge(NamedTuple):
         return f'{length:g} m along {axis}'
 
 
-BASE = Edge('base_link', 'map', (0.0, 0.0, 0.0))
-JOINTS = (Edge('joint_1', 'base_link', (0.0, 0.0, 0.3), radians(45), 0.3),
-          Edge('joint_2', 'joint_1', (0.4, 0.0, 0.0), radians(30), 0.5),
-          Edge('joint_3', 'joint_2', (0.3, 0.0, 0.0), radians(60), 0.7))
-HAND = Edge('end_effector', 'joint_3', (0.2, 0.0, 0.0))
-EDGES = (BASE, *JOINTS, HAND)
+BASE = SheetFrame('base_link', 'map', (0.0, 0.0, 0.0))
+JOINTS = (SheetFrame('joint_1', 'base_link', (0.0, 0.0, 0.3), radians(45), 0.3),
+          SheetFrame('joint_2', 'joint_1', (0.4, 0.0, 0.0), radians(30), 0.5),
+          SheetFrame('joint_3', 'joint_2', (0.3, 0.0, 0.0), radians(60), 0.7))
+HAND = SheetFrame('end_effector', 'joint_3', (0.2, 0.0, 0.0))
+SHEET = (BASE, *JOINTS, HAND)
 #: The names of all frames, from the root to the hand.
-FRAMES = (BASE.parent, *(edge.name for edge in EDGES))
+FRAMES = (BASE.parent, *(edge.name for edge in SHEET))

@@ -125,7 +125,9 @@ def create(make_node: Callable[[], Node]) -> Node:
     try:
         return make_node()
     except ParameterException as error:
-        raise UsageError(rcl_error_text(error)) from None
+        # The text may begin with '... Reason: ', and ends with the name.
+        text, _, _ = rcl_error_text(error).rpartition(': ')
+        raise UsageError(text.rpartition('Reason: ')[2]) from None
     except RuntimeError as error:  # rcl failed, for example because the middleware did
         middleware = get_rmw_implementation_identifier()
         limit = ('. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes'

@@ -101,9 +101,11 @@ def domain_id() -> Iterator[int]:
 @cache
 def _watchdog() -> Any:
     """Start the process that ends the others if this one dies; return the pipe to it."""
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, '-S', '-c', _WATCHDOG], stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL, text=True, bufsize=1, start_new_session=True).stdin
+        stdout=subprocess.DEVNULL, text=True, bufsize=1, start_new_session=True)
+    own_pids.add(process.pid)
+    return process.stdin
 
 
 class Process:

@@ -11,14 +11,14 @@ import pytest
 from dummy_arm import arm as own_arm
 from dummy_arm.check_arm import format_report
 from dummy_arm.grading import requirements, samples
-from dummy_arm.grading.records import Line, Message, Publisher, Verdict
-from dummy_arm.grading.sheet import EDGES, FRAMES, JOINTS
+from dummy_arm.grading.records import ArmMessage, ArmPublisher, Line, Verdict
+from dummy_arm.grading.sheet import FRAMES, JOINTS, SHEET
 from dummy_arm.grading.sine import fit_sine
 
 
 def received(arm, seconds=25.0):
     """Return the messages of an arm as they are received, in the time of the arm."""
-    return [Message(time, topic == '/tf_static', 'one', rows)
+    return [ArmMessage(time, topic == '/tf_static', 'one', rows)
             for topic, time, rows in arm.messages(seconds)]
 
 
@@ -90,7 +90,7 @@ def test_the_requirements_are_those_of_the_arm():
     assert ('map', *arm.frames) == FRAMES
     assert [joint.speed for joint in JOINTS] == [joint.speed for joint in arm.joints]
     assert [joint.limit for joint in JOINTS] == [joint.limit for joint in arm.joints]
-    assert [edge.position for edge in EDGES[1:]] == [
+    assert [edge.position for edge in SHEET[1:]] == [
         tuple(pose[:3]) for pose in arm.poses([0.0, 0.0, 0.0]).tolist()]
 
 
@@ -190,14 +190,15 @@ def test_two_copies_of_one_program():
                 for publisher in ('one', 'two')]
 
     def cause(*senders):
-        publishers = [Publisher(gid, node, False, pid) for gid, node, pid in senders]
+        publishers = [ArmPublisher(gid, node, False, pid) for gid, node, pid in senders]
         return first_failure(check(messages, publishers=publishers)).text
 
     assert cause(('two', '/dummy_arm', 1300), ('one', '/dummy_arm', 1234)) == (
         'Copies of one program send joint_1 at the same time: PID 1300 and PID 1234. An old '
         'one still runs: end it (kill 1300).')
     lines = format_report(check(messages, publishers=[
-        Publisher(gid, '/dummy_arm', False, pid) for gid, pid in (('one', 1234), ('two', 1300))]))
+        ArmPublisher(gid, '/dummy_arm', False, pid)
+        for gid, pid in (('one', 1234), ('two', 1300))]))
     assert lines[0].startswith('not ok      the tree')
     assert not [line for line in lines[3:] if 'joint' in line]
     for unknown in ('two', '/other', 1300), ('two', '/dummy_arm', 0), ('x', '/dummy_arm', 1300):
@@ -219,8 +220,8 @@ def in_callback(arm, number=lambda tick: tick):
     (in_callback(Arm()), 'each broadcaster')])
 def test_broadcasters_that_are_created_in_a_callback(messages, requirement):
     """They are the cause of what is missing, or sent twice; if all arrives, it is advice."""
-    publishers = [Publisher('one', '/dummy_arm', True, 0), *(
-        Publisher(f'gid {i}', '/dummy_arm', False, 0) for i in range(1000))]
+    publishers = [ArmPublisher('one', '/dummy_arm', True, 0), *(
+        ArmPublisher(f'gid {i}', '/dummy_arm', False, 0) for i in range(1000))]
     report = check(messages, True, publishers=publishers)
     line = report.first_failure or line_of(report, 'each broadcaster')
     assert line.requirement.startswith(requirement)
@@ -233,7 +234,8 @@ def test_a_broadcaster_for_each_frame():
     arm = RIGHT['a message for each frame']
     messages = [message._replace(publisher=message.rows[0].child_frame_id)
                 for message in received(arm)]
-    publishers = [Publisher(frame, '/dummy_arm', frame == 'base_link', 7) for frame in FRAMES[1:]]
+    publishers = [ArmPublisher(frame, '/dummy_arm', frame == 'base_link', 7)
+                  for frame in FRAMES[1:]]
     advice = line_of(check(messages, publishers=publishers), 'each broadcaster')
     assert advice.verdict == Verdict.OK
     messages = [message for message in messages if message.publisher != 'joint_2']
