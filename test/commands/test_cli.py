@@ -1,16 +1,14 @@
 """What all commands with ROS share: how nodes and commands end, by themselves and by signals."""
 
 from importlib import import_module
-import os
 import re
 import signal
 import subprocess
 import sys
-import time
 
 from cli_runner import call
 from environment import DATA
-from processes import BEGUN, tool
+from processes import tool
 import pytest
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
@@ -236,19 +234,6 @@ def test_ctrl_c_while_a_bag_is_read(tmp_path, monkeypatch, walk, command):
     assert not [*tmp_path.iterdir()]
 
 
-@pytest.mark.parametrize(('command', 'delay', 'first'), [
-    (('dummy_arm', '--ros-args', '-p', 'rate:=10000'), 0.0, signal.SIGTERM),
-    (('tf2_monitor',), 0.01, signal.SIGINT)])
-def test_two_signals_are_a_normal_end(start, command, delay, first):
-    """Two signals of both kinds end a real process as one does."""
-    process = start(*tool(*command))
-    process.line()
-    os.kill(process.pid, first)
-    time.sleep(delay)
-    process.end_normally(signal.SIGTERM)
-    assert 'ignored' not in process.output
-
-
 def test_a_shutdown_that_hangs_is_cut_short(start):
     """Fast DDS may hang in it with the GIL held: no Python code runs, and no signal handler."""
     process = start('-c', """if True:
@@ -265,19 +250,6 @@ def test_a_shutdown_that_hangs_is_cut_short(start):
     assert process.exit_code() == 130
     assert process.output.splitlines()[-1] == (
         '-c: ended, since the cleanup took more than 1 s')
-
-
-@pytest.mark.parametrize('delay', [0.1, 0.4])
-def test_ctrl_c_at_any_time_is_no_traceback(start, tmp_path, delay):
-    """The command may be importing, starting or listening; no file is left."""
-    option, code, *arguments = tool('view_frames', '-t', '0.5')
-    process = start(option, BEGUN + code, *arguments, cwd=tmp_path)
-    process.line_with('begun')
-    time.sleep(delay)
-    process.end(signal.SIGINT)
-    assert process.exit_code() in (0, 1)
-    assert not re.search('Traceback|ignored', process.output)
-    assert not [*tmp_path.iterdir()]
 
 
 def test_unfinished_ports_are_named(domain_id, monkeypatch):

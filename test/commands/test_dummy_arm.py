@@ -286,17 +286,6 @@ def test_nonsense_is_refused_with_a_reason(arm):
     assert_waves(arm.ticks(100 * S, 5), 100 * S)
 
 
-def test_parameters_are_described(arm):
-    """Each parameter has a description; those that are numbers have a range."""
-    rate, limit, prefix = arm.node.describe_parameters(['rate', 'joint_2.limit', 'frame_prefix'])
-    assert 'Hz' in rate.description
-    assert rate.floating_point_range[0].to_value == 10000.0
-    assert 'rad' in limit.description
-    assert limit.floating_point_range[0].to_value == math.pi
-    assert prefix.read_only
-    assert 'map' in prefix.description
-
-
 def test_parameters_at_the_start(domain_id):
     """Speeds, limits and the prefix can be set on the command line; integers are accepted."""
     with simulated_arm(domain_id, '-p', 'joint_1.speed:=2', '-p', 'joint_1.limit:=0.25', '-p',

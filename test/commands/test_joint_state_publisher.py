@@ -5,7 +5,6 @@ from math import pi
 import signal
 
 from cli_runner import call, once
-from environment import DATA
 from processes import tool
 import pytest
 from rclpy.time import Time
@@ -147,15 +146,6 @@ def test_a_file_that_is_none(domain_id, tmp_path, text, problem):
     assert (code, output, error.count('\n')) == (2, '', 1)
     assert error.startswith('joint_state_publisher: ')
     assert problem in error
-
-
-def test_arguments_of_xacro(domain_id):
-    """As those of robot_state_publisher."""
-    pytest.importorskip('xacro')
-    file = str(DATA / 'robots' / 'arg.urdf.xacro')
-    assert 'arm_type:=VALUE' in call(main, file, domain=domain_id).stderr
-    assert call(main, file, 'arm_type:=ur5e', domain=domain_id,
-                until=lambda text: 'look at http' in text).code == 0
 
 
 @pytest.mark.parametrize('rate', ['0', '-1.0', '1001', '.nan', 'fast', 'true'])

@@ -71,21 +71,6 @@ def test_every_command_names_other_topics(ros, monkeypatch, main, arguments, tex
     assert call(main, *arguments, domain=ros.domain, until=until).code == 0
 
 
-def test_view_frames_names_other_topics_at_its_end(ros):
-    """The tree without a moving frame is printed all the same."""
-    for _ in range(2):
-        TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
-    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'camera'))
-    for seconds in 0.5, 5, 50:  # for the discovery
-        code, output, error = call(
-            view_frames.main, '-t', str(seconds), '--text', domain=ros.domain)
-        if f'view_frames: warning: {HINT}' in error:
-            assert code == 0
-            assert '└── camera' in output
-            return
-    pytest.fail(error)
-
-
 def test_a_remapping_wins_over_the_namespace(domain_id):
     """The rule that the user has written is used first."""
     text = 'publishing map -> base_link on /a/tf_static, base_link -> .* on /tf_old, '

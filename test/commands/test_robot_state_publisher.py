@@ -7,7 +7,7 @@ import shlex
 import threading
 from typing import Any
 
-from cli_runner import call, once
+from cli_runner import call
 from environment import DATA
 from processes import TIMEOUT, tool
 import pytest
@@ -24,7 +24,6 @@ from puretf import TFMessage
 from puretf_tools.commands.robot_state_publisher import main
 from puretf_tools.robot import description, state_publisher
 from puretf_tools.robot.state_publisher import RobotStatePublisher
-from puretf_tools.robot.urdf_text import DescriptionError
 
 NAME = 'robot_state_publisher'
 ROBOT = """<robot name="r"><link name="base"/><link name="arm"/>
@@ -203,17 +202,6 @@ def test_the_command_that_an_error_names_works(domain_id, tmp_path, text, comman
                 until=lambda text: 'Robot initialized' in text).code == 0
 
 
-@pytest.mark.parametrize(('content', 'message'), [
-    ('', 'robot.urdf: it is empty'),
-    ('<robot name="r"><link name="a"/><link name="b"/></robot>', "has 2 roots, 'a', 'b'")])
-def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, file, content, message):
-    """The line says what is wrong; test_description.py has more such texts."""
-    file.write_text(content)
-    code, output, error = call(main, str(file), domain=domain_id)
-    assert (code, output, error.splitlines()[1:]) == (2, '', [])
-    assert message in error
-
-
 def test_without_a_description_it_says_what_to_give(domain_id):
     """Neither a file nor the parameter is given."""
     code, _, error = call(main, domain=domain_id)
@@ -245,14 +233,6 @@ def test_topics_qos_and_parameters_are_those_of_the_real_one(domain_id):
             assert node.has_parameter(name), name
 
 
-def test_topics_in_a_namespace(ros, file):
-    """The option puts all four topics there."""
-    assert call(main, str(file), '--namespace', 'left', domain=ros.domain, until=once(
-        lambda: all(ros.node.count_publishers(f'/left/{topic}') for topic in (
-            'tf', 'tf_static', 'robot_description')) and (
-                ros.node.count_subscribers('/left/joint_states')))).code == 0
-
-
 def test_a_changed_prefix_applies_to_fixed_joints_at_once(domain_id):
     """The real one sends them with the next description only, so the tree falls apart."""
     with command_node(lambda: RobotStatePublisher(CASES['chain']['urdf']), domain_id) as (
@@ -267,12 +247,6 @@ def test_joints_without_a_position_are_named(domain_id, file, monkeypatch):
     monkeypatch.setattr(state_publisher, 'PATIENCE', 0.1)
     assert call(main, str(file), domain=domain_id, until=lambda text: (
         'no JointState message has been accepted yet' in text)).code == 0
-
-
-def test_a_program_gets_the_reason(ros):
-    """The class raises the error of the description."""
-    with pytest.raises(DescriptionError, match='the robot has no link'):
-        RobotStatePublisher('<robot name="r"/>', context=ros.context)
 
 
 def test_joint_states_are_answered_while_a_description_is_parsed(

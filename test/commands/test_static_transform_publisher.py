@@ -124,30 +124,23 @@ def test_it_prints_the_transform_until_a_signal(start):
     (['0', '0', '0', '0', '0', '0', 'map', 'map'], "from 'map' to 'map': a frame cannot be"),
     # tf2 publishes them without a warning:
     (['--qw', '0', *FRAMES], '0 0 0 0 is not a rotation; the identity is 0 0 0 1'),
-    (['0', '0', '0', '0', '0', '0', '0', 'map', 'base'], '0 0 0 0 is not a rotation'),
     (['--qz', '1', *FRAMES], 'of the quaternion 0 0 1 1 must be 1, not 1.41421; '
                              'did you mean 0 0 0.707107 0.707107[?]'),
     (['--qw', 'nan', *FRAMES], "argument --qw: 'nan' is not finite"),
-    (['--qw', '-inf', *FRAMES], "argument --qw: '-inf' is not finite"),
-    (['--x', '-nan', *FRAMES], "argument --x: '-nan' is not finite"),
     (['0', '0', 'nan', '0', '0', '0', 'map', 'base'], "argument z: 'nan' is not finite"),
     # tf2 reads 1.0:
     (['--x', '1.0abc', *FRAMES], "argument --x: '1.0abc' is not a number"),
-    (['--x', '1_0', *FRAMES], "argument --x: '1_0' is not a number"),
     (['0', '0', '0', '1,5', '0', '0', 'map', 'base'], "argument yaw: '1,5' is not a number"),
     (['--x', *FRAMES], 'argument --x: expected one argument'),
     # tf2 ignores the second one:
     (['--qw', '1', '--yaw', '0', *FRAMES], 'both quaternion and Euler rotations: --qw and --yaw'),
     (['--yaw', '1', '0', '0', '0', '0', '0', '0', 'map', 'base'], 'both new-style'),
     (['0', '0', '0', '0', '0', '0', 'map', 'base', '--x', '1'], 'both new-style .* and old-style'),
-    ([], 'both --frame-id and --child-frame-id must be given'),
-    (['--frame-id', 'map'], 'both --frame-id and --child-frame-id must be given'),
     (['--child-frame-id', 'map'], 'both --frame-id and --child-frame-id must be given'),
     (['--frame-id', '', '--child-frame-id', 'base'], 'Frame id must not be empty'),
     (['--frame-id', 'map', '--child-frame-id', '/'], 'Child frame id must not be empty'),
     (['--frame-id', 'a\udcff', '--child-frame-id', 'b'], 'must be valid Unicode'),
     (['1', '2', '3'], r'8 arguments \(x y z yaw pitch roll .*\) or 9 \(.*\), got 3'),
-    (['1'], r'8 arguments \(x y z yaw pitch roll .*\) or 9 \(.*\), got 1'),
     ([*'0123456789', 'map', 'base'], r'8 arguments \(.*\) or 9 \(.*\), got 12'),
     (['--frame_id', 'map', '--child-frame-id', 'base'], r'--frame_id.*did you mean --frame-id\?'),
 ])

@@ -114,55 +114,6 @@ def test_two_nodes_that_publish_one_frame(ros, other):
     assert 'Warning' not in gone
 
 
-def test_a_middleware_that_does_not_report_gids(ros, other, handles):
-    """Nobody is gone; publishers that cannot be told apart have one row, and no warning."""
-    for node in ros.node, other:
-        StaticTransformBroadcaster(node).sendTransform(stamped('map', 'odom'))
-    broadcaster = TransformBroadcaster(ros.node)
-    ros.node.create_timer(0.02, lambda: broadcaster.sendTransform(
-        stamped('odom', 'robot', ros.node.get_clock().now().nanoseconds)))
-    rows = (r'  odom +static +unknown publisher\n',
-            rf'  robot +{RATE_AND_DELAYS}  unknown publisher\n')
-    with ros.spinning():
-        result = call(main, domain=ros.domain, until=lambda text: all(
-            re.search(row, text) for row in rows))
-    assert result.code == 0
-    assert '(gone)' not in result.stdout
-    assert 'Warning' not in result.stdout
-
-
-def test_in_place_on_a_terminal(ros):
-    """The output is cut off at the size of the terminal: 80 columns and 24 lines."""
-    StaticTransformBroadcaster(ros.node).sendTransform(
-        [stamped('map', f'frame_{i:02}_{"long" * 20}') for i in range(30)])
-    result = call(main, domain=ros.domain, columns=80,
-                  until=lambda text: text.count('more lines') > 1)
-    first, second = [screen.splitlines() for screen in result.stdout.split('\x1b[H\x1b[2J')
-                     if 'more lines' in screen][:2]
-    for lines in first, second:
-        assert len(lines) == 23
-        assert max(map(len, lines)) == 80
-    assert first[0] == 'RESULTS: for all frames, over the last 10 s'
-    assert first[-1] == '... 14 more lines (pipe the output to see all)'  # there are 36 lines
-
-
-def test_stamps_that_fit_the_clock(ros):
-    """Delays are those in the time of /clock, without use_sim_time."""
-    clock = ros.node.create_publisher(Clock, '/clock', 10)
-    broadcaster = TransformBroadcaster(ros.node)
-
-    def tick():
-        clock.publish(Clock(clock=Time(seconds=1000).to_msg()))
-        broadcaster.sendTransform(stamped('map', 'odom', 9992 * S // 10))
-
-    ros.node.create_timer(0.02, tick)
-    with ros.spinning():
-        result = call(main, domain=ros.domain, until=lambda text: re.search(
-            r'times are those of /clock, published by /test\n(.+\n|\n)*'
-            r'  odom +\S+ Hz +0\.800000 s +0\.800000 s +/test\n', text))
-    assert result.code == 0
-
-
 def test_sim_time_that_is_set_back(ros):
     """The delay of the path before that is forgotten."""
     clock = ros.node.create_publisher(Clock, '/clock', 10)

@@ -8,7 +8,7 @@ import shutil
 import signal
 
 from cli_runner import call
-from geometry_msgs.msg import PointStamped, TransformStamped
+from geometry_msgs.msg import PointStamped
 from processes import cpu_seconds, TIMEOUT, tool, tool_without_ros
 import pytest
 from rclpy.parameter import Parameter
@@ -196,21 +196,6 @@ def test_messages_at_their_stamps(ros):
     assert table['/path']['queue'] >= 5  # in 0.3 s, on a busy computer
 
 
-def test_another_type(ros):
-    """A publisher of another type on /tf is the one cause, and nothing else is said about it."""
-    ros.node.create_publisher(TransformStamped, '/tf', 10)
-    point = ros.node.create_publisher(PointStamped, '/point', 10)  # it is discovered later
-    code, output, error = run(ros, '--json', publishers=[point])
-    data = json.loads(output)
-    (finding,) = data['findings']
-    assert (code, finding['code'], finding['severity']) == (1, 'wrong_type', 'error')
-    assert (finding['topics'], finding['nodes']) == (['/tf'], ['/test'])
-    assert finding['evidence'] == ('/test publishes geometry_msgs/msg/TransformStamped on /tf, '
-                                   'not tf2_msgs/msg/TFMessage')
-    assert 'TransformBroadcaster' in finding['remedy']
-    assert (data['not_checked'], error) == ([], '')
-
-
 @pytest.mark.parametrize(('error', 'text'), [
     (ImportError('no file'), 'its type sensor_msgs/msg/JointState cannot be imported'),
     (OSError('no memory'), 'sensor_msgs/msg/JointState: OSError: no memory')])
@@ -229,18 +214,6 @@ def test_a_type_that_cannot_be_imported(ros, monkeypatch, error, text):
                                    'cannot be imported (OSError: no memory)']
 
 
-def test_broadcasters_that_are_created_in_a_callback(ros):
-    """They are found; the frame is not said to have two publishers."""
-    static = StaticTransformBroadcaster(ros.node)
-    static.sendTransform(stamped('map', 'odom'))
-    _, data = examine(ros, publishers=[static.pub_tf], send=lambda now: TransformBroadcaster(
-        ros.node).sendTransform(stamped('odom', 'base_link', now, now % S / S)))
-    assert 'two_publishers' not in codes(data)
-    finding = finding_of(data, 'many_publishers')
-    assert (finding['nodes'], finding['topics']) == (['/test'], ['/tf'])
-    assert re.fullmatch(r'\d\d+ publishers, one after another', finding['evidence'])
-
-
 def test_a_middleware_that_does_not_report_gids(ros, other, handles):
     """Whether a frame has two publishers is not checked; they are not known."""
     static = [StaticTransformBroadcaster(node) for node in (ros.node, other)]
@@ -252,24 +225,6 @@ def test_a_middleware_that_does_not_report_gids(ros, other, handles):
         'two_publishers, many_publishers: the ROS graph does not know the publishers of the '
         'transforms']
     assert {*data['findings'][0]['nodes']} == {'unknown publisher'}
-
-
-def test_another_namespace(ros):
-    """The option that listens to it is named; its headers are judged by its transforms only."""
-    static = StaticTransformBroadcaster(ros.node)
-    static.sendTransform(stamped('world', 'lamp'))
-    other = ros.node.create_publisher(TFMessage, '/robot/tf', 10)
-    point = ros.node.create_publisher(PointStamped, '/robot/front/point', LATCHED)
-    point.publish(point_in('odom'))
-
-    def send(now):
-        other.publish(TFMessage(transforms=[stamped('odom', 'base_link', now)]))
-
-    status, data = examine(ros, send=send, publishers=[static.pub_tf, point])
-    assert (status, codes(data)) == (0, {'other_namespace'})
-    assert '--namespace robot' in data['findings'][0]['remedy']
-    status, data = examine(ros, '--namespace', 'robot', send=send, publishers=[other, point])
-    assert (status, codes(data)) == (0, set())
 
 
 def test_half_a_namespace(ros, make_node):

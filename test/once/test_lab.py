@@ -164,47 +164,21 @@ def test_a_model_answer_in_a_package(start, tmp_path, ros, answer):
 
 
 def package_files(name):
-    """Return the files of `ros2 pkg create --build-type ament_python --node-name name name`."""
+    """Return what matters of `ros2 pkg create --build-type ament_python --node-name name name`."""
     return {
-        'package.xml': f"""<?xml version="1.0"?>
-<package format="3">
-  <name>{name}</name>
-  <version>0.0.0</version>
-  <description>TODO: Package description</description>
-  <maintainer email="student@todo.todo">student</maintainer>
-  <license>TODO: License declaration</license>
-  <test_depend>ament_copyright</test_depend>
-  <test_depend>python3-pytest</test_depend>
-  <export>
-    <build_type>ament_python</build_type>
-  </export>
+        'package.xml': f"""<package format="3">
+  <name>{name}</name><version>0.0.0</version><description>TODO</description>
+  <maintainer email="student@todo.todo">student</maintainer><license>TODO</license>
+  <export><build_type>ament_python</build_type></export>
 </package>
 """,
         'setup.py': f"""from setuptools import find_packages, setup
 
-package_name = '{name}'
-
 setup(
-    name=package_name,
-    version='0.0.0',
-    packages=find_packages(exclude=['test']),
-    data_files=[
-        ('share/ament_index/resource_index/packages',
-            ['resource/' + package_name]),
-        ('share/' + package_name, ['package.xml']),
-    ],
-    install_requires=['setuptools'],
-    zip_safe=True,
-    maintainer='student',
-    maintainer_email='student@todo.todo',
-    description='TODO: Package description',
-    license='TODO: License declaration',
-    entry_points={{
-        'console_scripts': [
-            '{name} = {name}.{name}:main'
-        ],
-    }},
-)
+    name='{name}', version='0.0.0', packages=find_packages(exclude=['test']),
+    data_files=[('share/ament_index/resource_index/packages', ['resource/{name}']),
+                ('share/{name}', ['package.xml'])],
+    entry_points={{'console_scripts': ['{name} = {name}.{name}:main']}})
 """,
         'setup.cfg': f'[develop]\nscript_dir=$base/lib/{name}\n'
                      f'[install]\ninstall_scripts=$base/lib/{name}\n',

@@ -13,7 +13,6 @@ from typing import Any
 from zipfile import ZipFile
 
 from arms import Arm, WRONG
-from cli_runner import call
 from environment import on_linux
 from hand_ins import read_table
 from processes import tool_without_ros
@@ -208,16 +207,6 @@ def test_a_file_that_hides_a_module(tmp_path, monkeypatch, program, file, hides)
     assert grade_of_arm.reason.startswith('It fails: ')
     assert grade_of_arm.reason.partition(' (line 1): ')[2] == (
         f'{file} of the hand-in hides the module {hides}: rename it' if hides else '')
-
-
-@on_linux
-def test_a_bar_in_a_terminal(tmp_path, monkeypatch):
-    """It says what is waited for; the line is printed after it is removed."""
-    pytest.importorskip('tqdm')
-    monkeypatch.chdir(tmp_path)
-    Path('arm.py').write_text('raise SystemExit')
-    assert 'observing arm.py' in call(main, 'arm.py', columns=80).stderr
-    assert call(main, 'arm.py').stderr == ''
 
 
 @on_linux

@@ -97,13 +97,6 @@ def stand_in(monkeypatch, tmp_path):
     sys.modules.pop('pygraphviz', None)
 
 
-def test_a_graph_that_is_larger_than_a_pipe(stand_in):
-    """It is drawn, although the drawing process does not read it at once."""
-    stand_in('return f"{len(self.string)}".encode()')
-    dot = f'digraph G {{ a [label="{"x" * 10 * 2**16}"]; }}'
-    assert draw(dot, 'pdf') == f'{len(dot)}'.encode()
-
-
 @pytest.mark.parametrize(('code', 'why'), [
     ('raise OSError("no format pdf")', 'OSError: no format pdf'),
     ('os.write(2, b"\\nFontconfig warning\\nError: trouble\\n"); os._exit(1)', 'Error: trouble'),
@@ -114,13 +107,6 @@ def test_graphviz_that_fails(stand_in, code, why):
     stand_in(code)
     with pytest.raises(DrawingError, match=f'^graphviz cannot draw this: {why}$'):
         draw('digraph G {}', 'pdf')
-
-
-def test_warnings_of_graphviz_are_not_shown(stand_in, capfd):
-    """For example, fontconfig may print warnings."""
-    stand_in('os.write(2, b"warning"); return format.encode()')
-    assert draw('digraph G {}', 'svg') == b'svg'
-    assert capfd.readouterr() == ('', '')
 
 
 def test_a_process_that_cannot_be_started(stand_in, monkeypatch):

@@ -20,24 +20,6 @@ def test_a_line_is_cut_off_by_columns(line, columns, left):
     assert terminal.width(left) <= columns
 
 
-@pytest.mark.parametrize('line', ['日' * 3000, 'ä' * 3000, '\u0301' * 3000])
-def test_each_character_of_a_line_is_measured_once(monkeypatch, line):
-    """The time is linear in the length of the line, even if most of it is cut off."""
-    measured: list[str] = []
-
-    def counted(function):
-        def measure(character):
-            measured.append(character)
-            return function(character)
-
-        return measure
-
-    for name in 'combining', 'east_asian_width':
-        monkeypatch.setattr(terminal, name, counted(getattr(terminal, name)))
-    terminal.cut(line, 80)
-    assert len(measured) <= 2 * len(line)
-
-
 def test_a_cell_that_is_too_wide_does_not_make_its_column_wide():
     """It is neither padded nor cut off; the other cells are padded to the widest of them."""
     cells = ['map', 'odom', '日' * 1000]

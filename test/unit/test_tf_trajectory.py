@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-from xml.etree import ElementTree
 
 from arms import Arm, BEGIN, hand
 from hypothesis import given
@@ -262,15 +261,6 @@ def test_angles_of_single_rotations(given, expected, within):
         (angles,) = tf_trajectory.roll_pitch_yaw(each)
         assert angles.tolist() == pytest.approx(expected, abs=within)
         assert not np.signbit(angles[angles == 0.0]).any()
-
-
-def test_a_drawing_in_svg(run, arm_bag, tmp_path):
-    """The ending is the format."""
-    pytest.importorskip('matplotlib')
-    path = tmp_path / 'arm.svg'
-    output, _ = run('--bag', arm_bag, *FRAMES, '--twist', '-o', str(path))
-    assert output.startswith(f'wrote {path}: 100 rows')
-    assert ElementTree.parse(path).getroot().tag.endswith('svg')
 
 
 def test_odd_names_are_drawn_as_they_are(run, tmp_path):
@@ -597,23 +587,6 @@ def test_rows_in_a_gap_are_left_out(run, torn_bag, tmp_path):
     assert error.count('\n') == 1
 
 
-def test_poses_of_a_bag_that_is_cut_off(failed, tmp_path, logs):
-    """With --partial, it is logged that something may be missing, also if nothing is found."""
-    path = bags.file_of(bags.make(tmp_path, 'mcap', bags.walk()))
-    path.write_bytes(path.read_bytes()[:-2000])
-    code, _ = failed(tf_trajectory.main, '--bag', str(path), '--partial', '--topic', '/odom')
-    assert code == 1
-    assert 'it ends too early' in ''.join(map(str, logs))
-
-
-def test_all_rows_are_in_a_gap(failed, torn_bag):
-    """The error says so."""
-    assert failed(tf_trajectory.main, '--bag', torn_bag, 'odom', 'tool', '--max-gap', '1',
-                  '--start', '+5', '--stop', '+6') == (
-        1, 'tf_trajectory: there is no row: 11 rows are left out, in gaps without data: odom -> '
-        'base_link has none between +4.00 and +7.00 s\n')
-
-
 def test_the_signs_of_quaternions_do_not_flip(run, tmp_path):
     """The first row keeps its sign; each later one is on the side of the one before."""
     # The buffer keeps the sign of which w is positive, so it flips where the half angle of top in
@@ -700,12 +673,3 @@ def test_a_topic_of_another_type(failed, tmp_path):
                         ('/odom', 'there is no topic /odom')):
         assert failed(tf_trajectory.main, '--bag', bag, '--topic', topic) == (
             1, f'tf_trajectory: {what}; {four}\n')
-
-
-def test_a_topic_of_poses_in_several_frames(failed, tmp_path):
-    """They are not one trajectory."""
-    bag = bag_of(tmp_path / 'bag', [
-        ('/pose', S + i, posed(POSES[1], S + i, 1.0, frame), POSES[1])
-        for i, frame in enumerate(('map', 'odom'))])
-    assert failed(tf_trajectory.main, '--bag', bag, '--topic', '/pose') == (
-        1, 'tf_trajectory: the messages on /pose must be in one frame, got map, odom\n')

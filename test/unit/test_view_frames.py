@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from puretf import Frame
-from puretf_tools.commands import tf2_echo, view_frames
+from puretf_tools.commands import view_frames
 from puretf_tools.commands.view_frames import main
 from puretf_tools.inspection.forest import Forest
 
@@ -148,16 +148,6 @@ def test_a_bag_is_drawn(bags, capsys, make_bag, there, kind, publisher):
         assert words in text
 
 
-def test_the_ends_of_a_bag_can_be_typed(bags, capsys, make_bag):
-    """There are transforms at both printed times, which are rounded to the ns only."""
-    bag = make_bag('mcap', bags.walk(begin=1_700_000_000_123_456_789))
-    assert main(['--text', '--bag', bag]) == 0
-    (ends,) = re.findall(r'from (\S+) s to (\S+) s, ', capsys.readouterr().out)
-    for end in ends:
-        assert tf2_echo.main(['--bag', bag, 'odom', 'base_link', '-t', end]) == 0
-        assert capsys.readouterr().out.startswith(f'At time {end}\n')
-
-
 def test_the_tree_of_a_bag(bags, capsys, failed, make_bag):
     """Ages are relative to the end of the bag; --partial reads one that is cut off."""
     bag = make_bag('bag', [
@@ -215,30 +205,6 @@ def test_the_tree_below_a_root(capsys, house, root, tree, span):
     assert ('6.000 s old' in out) == (root != 'tool')
     assert last == span
     assert err == ''
-
-
-def test_the_drawing_below_a_root(capsys, house, there):
-    """The root may have no descendants."""
-    pytest.importorskip('pygraphviz')
-    for root, message, edges in (('base_link', 'frames: 3, transforms: 2, root: base_link\n', 2),
-                                 ('tool', 'frames: 1, transforms: 0, root: tool\n', 0)):
-        assert main(['-o', root, '--bag', house, '--root', root]) == 0
-        assert f'{root}.gv: {message}' in capsys.readouterr().out
-        graph = Path(f'{root}.gv').read_text()
-        assert graph.count('->') == edges
-        assert f'"{root}" [label' in graph
-        assert 'odom' not in graph
-        assert Path(f'{root}.pdf').read_bytes().startswith(b'%PDF')
-
-
-def test_a_root_in_a_loop(capsys, house):
-    """The loop begins and ends with the root, and causes a warning; its branches are shown."""
-    assert main(['--text', '--bag', house, '--root', 'x']) == 0
-    out, err = capsys.readouterr()
-    names = re.findall(r'(\w+)(?: +\? Hz.*)?\n', out)[:-1]
-    assert names[0] == 'x'
-    assert sorted(names) == ['twig', 'x', 'x', 'y', 'z']
-    assert re.fullmatch('view_frames: warning: these frames form a loop: [xyz >-]+\n', err)
 
 
 def test_a_root_that_does_not_exist(failed, house):
