@@ -2,13 +2,13 @@
 
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 import sys
 from threading import Event, Thread
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
@@ -17,7 +17,7 @@ from rclpy.validate_namespace import validate_namespace
 from puretf._text.names import namespace_path
 from puretf_tools.cli.fast_dds import destroy, remove_unfinished_ports
 from puretf_tools.cli.parser import CommandError, rcl_error_text, UsageError
-from puretf_tools.cli.signals import begin_cleanup, end_cleanup, signal_received
+from puretf_tools.cli.signals import begin_cleanup, end_cleanup, sleep
 
 #: The timeout of `spin_once` (s), which a recorded signal does not end.
 _LONGEST_WAIT = 0.2
@@ -31,24 +31,12 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
     :param ros_args: the command line, with the name of the command.
     :param namespace: the namespace of the node and of the topics /tf and /tf_static; '': none.
     :raises UsageError: if a parameter in the ROS arguments, or the namespace, is invalid.
-    :raises CommandError: if ROS cannot be initialised, or if the node cannot be created.
+    :raises CommandError: if ROS cannot be initialised, if the node cannot be created, or if a
+        callback fails.
     """
-    with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
-        node, executor = create(make_node), SingleThreadedExecutor()
-        try:
-            executor.add_node(node)
-            while not signal_received():
-                executor.spin_once(timeout_sec=_LONGEST_WAIT)
-        except RuntimeError:
-            if node.context.ok():
-                raise
-            # A callback or another thread has shut down the context, so rcl failed.
-        finally:
-            begin_cleanup()
-            # If the context were shut down first, the garbage collection of the executor could
-            # fail.
-            executor.shutdown()
-            destroy(node)
+    with spinning_node(make_node, ros_args, namespace) as node:
+        while node.context.ok():
+            sleep(_LONGEST_WAIT)
     return 0
 
 
@@ -79,15 +67,20 @@ def clear_shared_memory(ros_args: Sequence[str]) -> None:
 
 
 @contextmanager
-def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> Iterator[Node]:
+def spinning_node(node_or_name: Callable[[], Node] | str, ros_args: Sequence[str],
+                  namespace: str = '') -> Iterator[Node]:
     """
     Initialise ROS and spin a node in a thread until the end of the `with` block.
 
     An error of the executor interrupts the block like Ctrl-C, and then becomes a CommandError;
     other errors are as those of `run_node`.
+
+    :param node_or_name: creates the node, or is its name.
     """
+    make_node = node_or_name if callable(node_or_name) else (
+        lambda: rclpy.create_node(node_or_name))
     with ros_context(ros_args, namespace):
-        node, stop_requested = create(lambda: rclpy.create_node(name)), Event()
+        node, stop_requested = create(make_node), Event()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         errors: list[BaseException] = []
@@ -97,11 +90,12 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
                 while not stop_requested.is_set():
                     executor.spin_once(timeout_sec=_LONGEST_WAIT)
             except BaseException as error:
-                if not stop_requested.is_set():
+                # If a callback has shut down the context, rcl fails.
+                if not stop_requested.is_set() and node.context.ok():
                     errors.append(error)
                     interrupt_main()  # without this, the command would go on with old data
 
-        thread = Thread(target=spin, name=f'spin of {name}')
+        thread = Thread(target=spin, name=f'spin of {node.get_name()}')
         thread.start()
         try:
             yield node

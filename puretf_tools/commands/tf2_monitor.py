@@ -8,10 +8,11 @@ from typing import Optional, TYPE_CHECKING
 from puretf import in_seconds, SECOND, TransformException
 from puretf._text.names import shortened, visible
 from puretf_tools.cli.namespace_option import add_namespace_option
-from puretf_tools.cli.parser import Parser, run, UsageError
+from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
 from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import NodeTraffic, Traffic, WINDOW
+from puretf_tools.source import source
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -111,16 +112,14 @@ def _rate_and_delays(row: NodeTraffic) -> str:
 def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None,
             namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
     """Print the rates and delays of received transforms every second, until Ctrl-C."""
-    ends = tuple(name.removeprefix('/') for name in (source_frame, target_frame)
-                 if name is not None)
-    if len(ends) == 1 or not all(ends):
+    if source_frame and not target_frame:
         raise UsageError('give two frames, or none to monitor all frames')
-    from puretf_tools.cli.node import spinning_node
-    from puretf_tools.inspection.frame_listener import FrameListener
-    with spinning_node('tf2_monitor', ros_args, namespace) as node:
-        frame_listener, say = FrameListener(node), Once(is_terminal())
+    with source('tf2_monitor', None, namespace, ros_args) as found:
+        frame_listener, say = found.listener, Once(is_terminal())
+        assert frame_listener
         traffic = Traffic(frame_listener.clock)
-        chain = Chain(frame_listener, (ends[0], ends[1])) if len(ends) == 2 else None
+        chain = (Chain(frame_listener, (source_frame, target_frame))
+                 if source_frame and target_frame else None)
         while True:
             dropped = 0
             for _ in range(_SAMPLES):
@@ -166,7 +165,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'node every second. If two frames are named, print only the frames and nodes on the path '
         'between these frames, and the net delay of the path.',
         'examples: tf2_monitor\n          tf2_monitor map end_effector')
-    parser.add_argument('source_frame', nargs='?')
-    parser.add_argument('target_frame', nargs='?')
+    for name in 'source_frame', 'target_frame':
+        parser.add_argument(name, nargs='?', type=frame_name)
     add_namespace_option(parser, 'listen to')
     return run(parser, command, args)

@@ -41,43 +41,26 @@ class PathReader:
             return buffer
         if not self._at:
             return bag.read()
-        headers = _Headers(self._at)
-        buffer = bag.read(others=[self._at], on_message=headers.add)
-        self.stamps = headers.stamps(bag)
-        if len(self.frames) == 1:
-            self.frames = headers.frame(), *self.frames
-        return buffer
+        stamps, frames = list[int](), set[str]()
 
+        def add(message: BagMessage) -> None:
+            if message.topic.name == self._at and message.topic.has_header:
+                with suppress(struct.error):  # it is cut off
+                    stamp, name, _ = message.encoding.header(message.data)
+                    stamps.append(stamp)
+                    frames.add(name.partition(b'\0')[0].decode(errors='replace').removeprefix('/'))
 
-class _Headers:
-    """The stamps and frames in the headers of all messages on a topic."""
-
-    def __init__(self, topic: str) -> None:
-        self.topic = topic
-        self._stamps: list[int] = []
-        self._frames: set[str] = set()
-
-    def add(self, message: BagMessage) -> None:
-        """Add a message, if it is on the topic."""
-        if message.topic.name == self.topic and message.topic.has_header:
-            with suppress(struct.error):  # it is cut off
-                stamp, name, _ = message.encoding.header(message.data)
-                self._stamps.append(stamp)
-                self._frames.add(
-                    name.partition(b'\0')[0].decode(errors='replace').removeprefix('/'))
-
-    def stamps(self, bag: Bag) -> NDArray[np.int64]:
-        """Return the stamps, sorted, each once; raise a BagError if there are none."""
-        if not self._stamps:
+        buffer = bag.read(others=[self._at], on_message=add)
+        if not stamps:
             for _ in bag.messages(tf=False, headers=True):
                 pass
             found = sorted({each.name for each in bag.topics if each.headers.count})
-            raise BagError(f'no message on {self.topic} has a header; topics with headers: '
+            raise BagError(f'no message on {self._at} has a header; topics with headers: '
                            f'{comma_list(found) or "none"}')
-        return np.unique(np.array(self._stamps, np.int64))
-
-    def frame(self) -> str:
-        return _one_frame(self.topic, self._frames, ': give both frames')
+        self.stamps = np.unique(np.array(stamps, np.int64))
+        if len(self.frames) == 1:
+            self.frames = _one_frame(self._at, frames, ': give both frames'), *self.frames
+        return buffer
 
 
 def _one_frame(topic: str, frames: set[str], remedy: str = '') -> str:

@@ -18,7 +18,6 @@ from puretf._ros.rclpy_private import RCLError
 from puretf_tools.cli import node
 from puretf_tools.cli.node import ros_context, run_node, spinning_node
 from puretf_tools.cli.parser import Parser, run
-from puretf_tools.cli.signals import sleep
 
 
 def command_of(command):
@@ -33,19 +32,17 @@ def fail():
 
 def test_a_command_ends_when_its_node_stops(domain_id):
     """It prints one line: its further output would be out of date."""
-    def command(ros_args):
-        with spinning_node('tool', ros_args) as node:
-            node.create_timer(0.01, fail)
-            while True:
-                sleep(60)
+    def make():
+        node = Node('tool')
+        node.create_timer(0.01, fail)
+        return node
 
-    assert call(command_of(command), domain=domain_id) == (
+    assert call(command_of(lambda ros_args: run_node(make, ros_args)), domain=domain_id) == (
         1, '', 'tool: the node stopped, because its executor raised ZeroDivisionError: '
                'of a callback\n')
 
 
-@pytest.mark.parametrize('is_in_thread', [True, False])
-def test_ctrl_c_ends_a_node(domain_id, is_in_thread):
+def test_ctrl_c_ends_a_node(domain_id):
     """It has the name of the command. A second signal, as make sends it, leaves nothing of it."""
     nodes, destroyed = [], []
 
@@ -60,33 +57,12 @@ def test_ctrl_c_ends_a_node(domain_id, is_in_thread):
         return node
 
     def command(ros_args):
-        if not is_in_thread:
-            return run_node(lambda: prepare(Node('tool')), ros_args)
-        with spinning_node('tool', ros_args) as node:
-            prepare(node)
-            while True:
-                sleep(60)
+        return run_node(lambda: prepare(Node('tool')), ros_args)
 
     result = call(command_of(command), '--ros-args', '-r', '__node:=named', domain=domain_id,
                   until=lambda text: text.count('named\n') > 2)
     assert (result.code, result.stderr) == (0, '')
     assert len(destroyed) == 1
-    with pytest.raises(InvalidHandle):
-        nodes[0].handle.__enter__()
-    assert not ok()
-
-
-def test_a_node_that_fails_is_destroyed(domain_id):
-    """The node is destroyed before the error is raised to the caller."""
-    nodes = []
-
-    def make():
-        nodes.append(Node('tool'))
-        nodes[0].create_timer(0.01, fail)
-        return nodes[0]
-
-    with pytest.raises(ZeroDivisionError):
-        call(command_of(lambda ros_args: run_node(make, ros_args)), domain=domain_id)
     with pytest.raises(InvalidHandle):
         nodes[0].handle.__enter__()
     assert not ok()
@@ -119,23 +95,18 @@ def test_a_domain_that_cannot_be(domain_id):
     assert call(command_of(command), domain=domain_id).code == 0
 
 
-@pytest.mark.parametrize('is_in_thread', [True, False])
 @pytest.mark.parametrize(('middleware', 'hint'), [
     ('rmw_fastrtps_cpp', ''),
     ('rmw_cyclonedds_cpp',
      '. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes')])
-def test_a_node_that_cannot_be_created(domain_id, monkeypatch, is_in_thread, middleware, hint):
+def test_a_node_that_cannot_be_created(domain_id, monkeypatch, middleware, hint):
     """One line points at those of the middleware, which rcl does not repeat."""
-    def create_node(name='tool'):
+    def create_node():
         raise RCLError('error creating node, at ./src/rcl/node.c:263')
 
     def command(ros_args):
-        if not is_in_thread:
-            return run_node(create_node, ros_args)
-        with spinning_node('tool', ros_args):
-            return 0
+        return run_node(create_node, ros_args)
 
-    monkeypatch.setattr('rclpy.create_node', create_node)
     monkeypatch.setattr(node, 'get_rmw_implementation_identifier', lambda: middleware)
     assert call(command_of(command), domain=domain_id) == (
         1, '', f'tool: cannot create the node: error creating node. Lines above may be from '
