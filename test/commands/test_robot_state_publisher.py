@@ -13,7 +13,7 @@ from processes import TIMEOUT, tool
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
 from ros_node import command_node, LATCHED
 from rosgraph_msgs.msg import Clock
@@ -275,16 +275,6 @@ def test_joint_states_are_answered_while_a_description_is_parsed(
         monkeypatch.setattr(state_publisher, 'parse', parse_slowly)
         (result,) = node.set_parameters([Parameter('robot_description', value=ROBOT)])
     assert result.successful
-
-
-def test_a_qos_override_is_of_one_node(make_node):
-    """Other subscriptions with rclpy's profile of sensors keep its reliability."""
-    override = Parameter('qos_overrides./joint_states.subscription.reliability', value='reliable')
-    node = make_node(
-        CASES['chain']['urdf'], kind=RobotStatePublisher, parameter_overrides=[override])
-    (info,) = node.get_subscriptions_info_by_topic('/joint_states')
-    assert info.qos_profile.reliability is ReliabilityPolicy.RELIABLE
-    assert qos_profile_sensor_data.reliability is ReliabilityPolicy.BEST_EFFORT
 
 
 def test_a_process_publishes_until_a_signal(ros, start, file):

@@ -1,7 +1,6 @@
 """The command `tf_trajectory` with bags: poses over time, compared with the motion of the arm."""
 
 import csv
-from functools import cache
 from math import pi
 import os
 import re
@@ -607,47 +606,40 @@ def test_the_signs_of_quaternions_do_not_flip(run, tmp_path):
     assert quaternions[0, 3] < 0.0
 
 
-types = cache(typesys.get_typestore)
-
-
-def posed(msgtype, stamp, x, frame='odom', child='base', version=2):
-    """Serialize a message with a pose at x, turned by x about z."""
-    store = types(
-        typesys.Stores.ROS1_NOETIC if version == 1 else typesys.Stores.LATEST)
+def posed(msgtype, stamp, x):
+    """Serialize a message with a pose of base in odom at x, turned by x about z."""
+    store = typesys.get_typestore(typesys.Stores.LATEST)
 
     def new(name, *fields):
         return store.types[name](*fields)
 
-    number = (7,) if version == 1 else ()
-    header = new('std_msgs/msg/Header', *number, new(
-        'builtin_interfaces/msg/Time', *divmod(stamp, S)), frame)
+    header = new('std_msgs/msg/Header', new(
+        'builtin_interfaces/msg/Time', *divmod(stamp, S)), 'odom')
     rotation = new('geometry_msgs/msg/Quaternion', *quaternion_from_euler(0.0, 0.0, x))
     vector = new('geometry_msgs/msg/Vector3', x, 0.5, -0.5)
     pose = new('geometry_msgs/msg/Pose', new('geometry_msgs/msg/Point', x, 0.5, -0.5), rotation)
     certain = new('geometry_msgs/msg/PoseWithCovariance', pose, np.zeros(36))
     fields = {
-        'nav_msgs/msg/Odometry': lambda: (child, certain, new(
+        'nav_msgs/msg/Odometry': ('base', certain, new(
             'geometry_msgs/msg/TwistWithCovariance',
             new('geometry_msgs/msg/Twist', vector, vector), np.zeros(36))),
-        'geometry_msgs/msg/PoseStamped': lambda: (pose,),
-        'geometry_msgs/msg/PoseWithCovarianceStamped': lambda: (certain,),
-        'geometry_msgs/msg/TransformStamped': lambda: (
-            child, new('geometry_msgs/msg/Transform', vector, rotation))}[msgtype]()
-    serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
-    return bytes(serialize(new(msgtype, header, *fields), msgtype))
+        'geometry_msgs/msg/PoseStamped': (pose,),
+        'geometry_msgs/msg/PoseWithCovarianceStamped': (certain,),
+        'geometry_msgs/msg/TransformStamped': (
+            'base', new('geometry_msgs/msg/Transform', vector, rotation))}[msgtype]
+    return bytes(store.serialize_cdr(new(msgtype, header, *fields), msgtype))
 
 
 POSES = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
          'geometry_msgs/msg/PoseWithCovarianceStamped', 'geometry_msgs/msg/TransformStamped')
 
 
-@pytest.mark.parametrize('kind', ['mcap', 'bag'])
 @pytest.mark.parametrize('msgtype', POSES)
-def test_the_poses_of_a_topic(run, tmp_path, kind, msgtype):
+def test_the_poses_of_a_topic(run, tmp_path, msgtype):
     """They are in the same formats as those of transforms, and a bag needs no transforms."""
-    bag = str(bags.make(tmp_path, kind, [
-        ('/odom', 50 * S + i, posed(msgtype, S + i * 20 * MS, i / 50, version=(
-            1 if kind == 'bag' else 2)), msgtype) for i in range(100)]))
+    bag = bag_of(tmp_path, [
+        ('/odom', 50 * S + i, posed(msgtype, S + i * 20 * MS, i / 50), msgtype)
+        for i in range(100)])
     path = tmp_path / 'odom.tum'
     run('--bag', bag, '--topic', '/odom', '-o', str(path))
     rows = np.loadtxt(path)

@@ -97,16 +97,6 @@ def test_one_arrival_has_no_rate(traffic):
     assert rows_of(traffic)['odom', '/a'].summary == Summary(None, -0.001, -0.001)
 
 
-def test_a_little_out_of_order(traffic):
-    """Arrivals out of order are counted."""
-    traffic.observe([message('/a', NOW - S, 'odom')])
-    traffic.observe([message('/a', NOW + i * MS, 'odom', stamp=NOW + i * MS - MS)
-                     for i in (0, -1, 1)])
-    summary = rows_of(traffic)['odom', '/a'].summary
-    assert summary.rate == pytest.approx(1000.0)
-    assert summary[1:] == (0.001, 0.001)
-
-
 def test_messages_that_were_received_long_ago_do_not_count(traffic):
     """As when nobody has looked at the page for a while."""
     traffic.observe([message('/a', NOW - 60 * S + i * S, 'odom', stamp=0) for i in range(49)])
