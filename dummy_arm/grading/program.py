@@ -80,15 +80,11 @@ def _source(path: Path) -> str:
     if len(data) > _LONGEST_SOURCE:
         raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
     try:
-        encoding, _ = tokenize.detect_encoding(BytesIO(data).readline)
-        if b'\0' not in data:
-            return data.decode(encoding)
+        return data.decode(tokenize.detect_encoding(BytesIO(data).readline)[0])
     except (SyntaxError, LookupError, UnicodeError) as error:
-        why = f': {error}'
-    else:
-        why = ''
-    raise ProgramError('It is not text in UTF-8 (nor is a PDF, an archive or a compiled program): '
-                       f'hand in the source, a .py file, saved as UTF-8{why}.')
+        raise ProgramError(
+            'It is not text in UTF-8 (nor is a PDF, an archive or a compiled program): hand in '
+            f'the source, a .py file, saved as UTF-8: {error}.') from None
 
 
 def _parsed(source: str, path: Path) -> ast.Module:

@@ -29,6 +29,7 @@ from puretf_tools.doctor.stream import FUTURE
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.doctor.troubleshooting import explained
 from puretf_tools.inspection.bag_times import both
+from puretf_tools.inspection.gaps import in_words
 from puretf_tools.inspection.terminal import wrapped
 from puretf_tools.inspection.traffic import SETTLING
 from puretf_tools.source import source
@@ -179,22 +180,19 @@ def _explain(ends: tuple[str, str], when: When, seconds: float, bag: Optional[Ba
             nodes = listener.names_of(counter.statistics.publishers())
         statistics = counter.statistics if listener else observer.counted()
         explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
-        if listener and not buffer.frame_names():
-            why = f'No transform has been received. {listener.why_nothing()}'
-            return explanation._replace(why_not=why)
         if explanation.why_not:
             return explanation._replace(
                 why_not=found.why_not(*ends, stamp) or explanation.why_not)
-        if not explanation.stamp:
+        if not explanation.stamp or (listener and stamp):
             return explanation
-        if not listener:
-            note = found.interpolated(*ends, explanation.stamp)
-            when_ = f'at {both(explanation.stamp, found.span[0])}{note and f". It is {note}"}'
-        elif not stamp:
+        if listener:
             clock = listener.clock_text()
-            when_ = (f'{explanation.when}{_age(listener.now(), explanation.stamp)}'
-                     f'{clock and f" ({clock})"}')
-        return explanation._replace(when=when_)
+            text = (f'{explanation.when}{_age(listener.now(), explanation.stamp)}'
+                    f'{clock and f" ({clock})"}')
+        else:
+            note = found.interpolated(*ends, explanation.stamp)
+            text = f'at {both(explanation.stamp, found.span[0])}{note and f". It is {note}"}'
+        return explanation._replace(when=text)
 
 
 def _age(now: int, stamp: int) -> str:

@@ -335,7 +335,8 @@ def test_the_path_between_two_frames(ros, make_node):
     static.sendTransform(stamped('base_link', 'camera'))
 
     def send(now):
-        sender.sendTransform([stamped('base_link', 'arm', now), stamped('arm', 'hand', now)])
+        sender.sendTransform([stamped('base_link', 'arm', now), stamped('arm', 'hand', now),
+                              *(stamped('base_link', 'mark', each * S) for each in (100, 102))])
 
     publishers = [static.pub_tf, sender.pub_tf]
     code, output, _ = run(ros, 'camera', '/hand', send=send, publishers=publishers)
@@ -353,6 +354,9 @@ def test_the_path_between_two_frames(ros, make_node):
     assert code == 1
     refusals = [edge['refusal'] for edge in json.loads(output)['path']]
     assert ['newer than 100.0' in refusal for refusal in refusals] == [False, True, True]
+    code, output, _ = run(ros, 'mark', 'camera', '-t', '101', send=send, publishers=publishers)
+    assert (code, output.splitlines()[-1]) == (
+        0, 'The transform from camera to mark exists at 101.000000000.')
 
 
 @pytest.mark.parametrize(('arguments', 'is_reset'), [

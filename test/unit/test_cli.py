@@ -440,9 +440,9 @@ def test_where_no_file_can_be_written(tmp_path, name, text):
     os.mkfifo(tmp_path / 'pipe')
     (tmp_path / 'loop').symlink_to(tmp_path / 'loop')
     check_writable(tmp_path / 'new')
-    with pytest.raises(CommandError, match=f'^cannot write .*{name}: {text}'):
+    with pytest.raises(CommandError, match=rf'^cannot write .*{name}: {text}'):
         check_writable(tmp_path / name)
-    with pytest.raises(CommandError, match='^cannot write '), whole_file(tmp_path / name):
+    with pytest.raises(CommandError, match=r'^cannot write '), whole_file(tmp_path / name):
         pass
     assert (tmp_path / 'pipe').is_fifo()
 

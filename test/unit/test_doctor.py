@@ -585,7 +585,7 @@ def test_list(capsys):
 
 @pytest.mark.parametrize(('arguments', 'text'), [
     (['map'], 'give two frames'),
-    (['map', '/'], 'give two frames'),
+    (['map', '/'], 'a frame must have a name'),
     (['-t', '5'], '-t needs two frames'),
     (['--ignore', 'gaps'], "unknown code 'gaps'. Nearest known: 'gap'"),
     (['--time', '0'], 'more than 0 s'),
