@@ -187,6 +187,7 @@ def test_a_module_that_is_missing(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'puretf_tools.commands.param', Module())
     name = 'geometry_msgs'
     assert entry_points.param() == 1
+    assert gc.get_freeze_count()  # at the exit, Python looks for no garbage
     assert capsys.readouterr().err.startswith(
         'param: this command needs ROS, but geometry_msgs cannot be imported: pip install ')
     name = 'numpy'

@@ -1,52 +1,7 @@
-"""The logic of `tf2_monitor`: its table, and the delay of a path over time."""
+"""The table of `tf2_monitor`."""
 
-from types import SimpleNamespace
-from typing import Any, Optional
-
-from puretf.exceptions import LookupException
-from puretf_tools.commands.tf2_monitor import Chain, format_traffic
+from puretf_tools.commands.tf2_monitor import format_traffic
 from puretf_tools.inspection.traffic import NodeTraffic, Summary
-
-S = 10**9
-NONE = 'Net delay     none: all transforms are static, or the time is not known'
-
-
-def test_the_net_delay_after_time_was_set_back():
-    """Old data do not count; new data count, also if they come when the old time has passed."""
-    now = 100 * S
-    common: Optional[int] = now
-
-    def connected(result):
-        if common is None:
-            raise LookupException('not connected')
-        return result
-
-    listener: Any = SimpleNamespace(
-        now=lambda: now, why_no_transform=lambda *_: 'why\n' if common is None else '',
-        buffer=SimpleNamespace(
-            get_latest_common_time=lambda *_: connected(SimpleNamespace(nanoseconds=common)),
-            chain=lambda *ends: connected(ends[::-1])))
-    chain = Chain(listener, ('map', 'robot'))
-
-    def net_delay():
-        chain.sample()
-        return chain.lines()[-1]
-
-    assert net_delay() == 'Net delay     avg = 0.000000 s: max = 0.000000 s'
-    assert chain.lines()[0] == 'Chain is: map -> robot'
-    now = 101 * S
-    assert net_delay() == 'Net delay     avg = 0.500000 s: max = 1.000000 s'
-    now = 50 * S
-    assert net_delay() == NONE  # the buffer still has the data of before
-    common = None
-    now = 90 * S
-    assert net_delay() == 'Waiting for transform map ->  robot: why\\n'
-    assert chain.frames() == []
-    now, common = 103 * S, 102 * S
-    assert net_delay() == 'Net delay     avg = 1.000000 s: max = 1.000000 s'
-    common = 0  # all transforms are static now
-    now = 120 * S
-    assert net_delay() == NONE
 
 
 def test_a_blank_at_the_end_of_a_name_shows():
