@@ -115,7 +115,8 @@ def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
 
 def output_path(output: str) -> Path:
     """Return the path of the drawing, with its ending; check that it can be written."""
-    return path_to_write(output if Path(output).suffix else f'{output}.pdf', FORMATS)
+    has_ending = '.' in Path(output).name
+    return path_to_write(output if has_ending else f'{output}.pdf', FORMATS)
 
 
 def save(forest: Forest, now: int, path: Path) -> None:

@@ -207,12 +207,6 @@ def test_the_tree_below_a_root(capsys, house, root, tree, span):
     assert err == ''
 
 
-def test_a_bag_is_not_watched(failed, house):
-    """It does not change."""
-    assert failed(main, '--watch', '--bag', house) == (
-        2, 'view_frames: --watch is for listening: leave it out with --bag\n')
-
-
 def test_a_root_that_does_not_exist(failed, house):
     """The error is one line with the nearest names."""
     assert failed(main, '--text', '--bag', house, '--root', 'base_lnk') == (

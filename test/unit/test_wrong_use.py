@@ -31,7 +31,7 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         'the rate is given twice': ['map odom 1 -r 1'],
         'the precision must be from 0 to 17 digits, got 18': ['map odom -p 18'],
         'the precision must be from 0 to 17 digits, got -1': ['map odom -p -1'],
-        "'0.5' is not a whole number": ['map odom -p 0.5'],
+        "invalid int value: '0.5'": ['map odom -p 0.5'],
         'it needs --bag': ['map odom -t -1'],
         "'1e99' must be a time, such as": ['map odom -t 1e99'],
         'with at most 9 digits after the point': [
@@ -39,7 +39,8 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         'leave out the rate': ['map odom --bag x -r 1'],
         '--partial needs --bag': ['map odom --partial']},
     'tf2_monitor': {
-        'give two frames, or none to monitor all frames': ['map', "map ''", '/ odom']},
+        'give two frames, or none to monitor all frames': ['map'],
+        'a frame must have a name': ["map ''", '/ odom']},
     'tf_trajectory': {
         'the following arguments are required: source_frame': ['map'],
         'a frame must have a name': ["map ''", '/ odom'],
@@ -62,10 +63,9 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         "'x' is not a number": ['-t x'],
         'unrecognized arguments: --wait_time (did you mean --wait-time?)': ['--wait_time'],
         'at most 1e+09 s, got 1e+300': ['-t 1e300'],
-        'is not a file name': ["-o ''", '-o ..', '-o directory/'],
-        'must end in .pdf, .svg, .png': ['-o a.jpg'],
-        '--root needs the name of a frame': ["--root ''", '--root /'],
-        'are for listening: leave them out': ['--bag x --watch', '--bag x -t 5'],
+        'must end in .pdf, .svg, .png': ['-o a.jpg', "-o ''", '-o ..', '-o directory/'],
+        'a frame must have a name': ["--root ''", '--root /'],
+        'is for listening: leave it out': ['--bag x --watch', '--bag x -t 5'],
         '--partial needs --bag': ['--partial'],
         '--bag needs the path of a bag': ["--bag ''"]},
     'web_view': {
