@@ -226,6 +226,8 @@ def test_new_speeds_and_limits(arm):
     arm.ticks(100 * S, 50)
     assert arm.set(joint_1__speed=3.0, joint_2__limit=2.0) == ['', '']
     messages = arm.ticks(101 * S, 100)[-30:]
+    steps = np.abs(np.diff([angle(each, 1) for each in arm.joints]))
+    assert steps.max() <= (0.5 * 2.0 + 1.5 * 1.5) * TICK / S + 1e-9
     t = np.array([ns(message) - 100 * S for message in messages]) / S
     for joint, expected in enumerate((
             math.pi / 4 * np.sin(0.3 * 0.98 + 3.0 * (t - 0.98)), 2.0 * np.sin(0.5 * t),
