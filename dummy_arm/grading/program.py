@@ -83,8 +83,8 @@ def _source(path: Path) -> str:
         return data.decode(tokenize.detect_encoding(BytesIO(data).readline)[0])
     except (SyntaxError, LookupError, UnicodeError) as error:
         raise ProgramError(
-            'It is not text in UTF-8 (nor is a PDF, an archive or a compiled program): hand in '
-            f'the source, a .py file, saved as UTF-8: {error}.') from None
+            'It is not text in UTF-8, but perhaps a PDF, an archive or a compiled program: hand '
+            f'in the source, a .py file, saved as UTF-8 ({error}).') from None
 
 
 def _parsed(source: str, path: Path) -> ast.Module:

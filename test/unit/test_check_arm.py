@@ -142,7 +142,8 @@ def archive(name):
     return data.getvalue()
 
 
-NO_TEXT = 'It is not text in UTF-8 (nor is a PDF, an archive or a compiled program): hand in the '
+NO_TEXT = ('It is not text in UTF-8, but perhaps a PDF, an archive or a compiled program: hand in '
+           'the ')
 ZIP = archive('dummy_arm.py')
 UMLAUT = '# größer\n'
 #: By name: the bytes of a hand-in, and the reason why it is not run.
@@ -156,7 +157,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     'utf16.py': (UMLAUT.encode('utf-16'), NO_TEXT),
     'le.py': (UMLAUT.encode('utf-16-le'), NO_TEXT),
     'coding.py': (f'# coding: foo\n{UMLAUT}'.encode(), f'{NO_TEXT}source, a .py file, saved as '
-                                                       'UTF-8: unknown encoding: foo.'),
+                                                       'UTF-8 (unknown encoding: foo).'),
     'long.py': (b'#' * 1_000_001, 'It has more than 1 MB.'),
     'path.py': (b'path = "C:\\Users"\n', 'It does not compile: line 1: (unicode error)'),
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
