@@ -24,6 +24,7 @@ from geometry_msgs.msg import (
     Pose,
     PoseArray,
     PoseStamped,
+    PoseWithCovariance,
     PoseWithCovarianceStamped,
     Quaternion,
     QuaternionStamped,
@@ -156,10 +157,13 @@ def do_transform_pose_with_covariance_stamped(
         pose: PoseWithCovarianceStamped, transform: TransformStamped
         ) -> PoseWithCovarianceStamped:
     """Transform a pose and its covariance."""
-    result = PoseWithCovarianceStamped(header=_header(transform))
-    result.pose.pose = _transform_pose(pose.pose.pose, transform)
-    result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
-    return result
+    return PoseWithCovarianceStamped(
+        header=_header(transform), pose=_with_covariance(pose.pose, transform))
+
+
+def _with_covariance(pose: PoseWithCovariance, transform: TransformStamped) -> PoseWithCovariance:
+    return PoseWithCovariance(pose=_transform_pose(pose.pose, transform),
+                              covariance=transform_covariance(pose.covariance, transform))
 
 
 @_takes(PoseArray)
@@ -196,11 +200,9 @@ def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Od
     The twist remains as it is: it is given in the axes of the `child_frame_id`, the frame of the
     robot, which is the same in the result.
     """
-    result = Odometry(header=_header(transform), child_frame_id=odometry.child_frame_id,
-                      twist=deepcopy(odometry.twist))
-    result.pose.pose = _transform_pose(odometry.pose.pose, transform)
-    result.pose.covariance = transform_covariance(odometry.pose.covariance, transform)
-    return result
+    return Odometry(
+        header=_header(transform), child_frame_id=odometry.child_frame_id,
+        pose=_with_covariance(odometry.pose, transform), twist=deepcopy(odometry.twist))
 
 
 @_takes(PolygonStamped)

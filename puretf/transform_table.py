@@ -59,52 +59,9 @@ class TransformTable(NamedTuple):
     nanosec: int = 0  #: the largest one of these stamps, which should be less than a second
 
 
-class _Groups:
-    """
-    The messages that are not converted yet; those of a group become one table.
-
-    The key of a group: the publisher, whether the messages are from /tf_static, and their layout.
-    """
-
-    def __init__(self) -> None:
-        self._layouts: dict[Encoding, KnownLayouts] = {}
-        #: The times, the stamps and the poses.
-        self._open: dict[tuple[str, bool, Layout], tuple[list[int], list[bytes], list[bytes]]] = {}
-        self._size = 0
-
-    def add(self, message: Message) -> list[TransformTable]:
-        """Add a message, and return the tables that are complete now; raise MalformedMessage."""
-        data, encoding = message.data, message.encoding
-        layouts = (self._layouts.get(encoding)
-                   or self._layouts.setdefault(encoding, KnownLayouts(encoding)))
-        parts = layouts.read(data) or layouts.learn(data, message.rows())
-        if parts is None:
-            return [*self.close(), *(_table_of(message, row) for row in message.rows())]
-        layout, stamps, poses = parts
-        complete = self.close() if self._size > _MOST_BYTES else []
-        key = message.publisher, message.is_static, layout
-        if key not in self._open:
-            # Groups with a common child are closed, so that its transforms stay in order.
-            complete += [self._table(other) for other in [*self._open]
-                         if other[:2] == key[:2] and not other[2].names.isdisjoint(layout.names)]
-            self._open[key] = [], [], []
-        group = self._open[key]
-        group[0].append(message.time)
-        group[1].extend(stamps)
-        group[2].extend(poses)
-        self._size += len(data) + _OVERHEAD
-        return complete
-
-    def close(self) -> list[TransformTable]:
-        """Convert all messages."""
-        self._size = 0
-        return [self._table(key) for key in [*self._open]]
-
-    def _table(self, key: tuple[str, bool, Layout]) -> TransformTable:
-        times, stamps, poses = self._open.pop(key)
-        return TransformTable(
-            key[0], key[1], [*key[2].edges], np.array(times, np.int64),
-            *key[2].arrays(b''.join(stamps), bytearray().join(poses)))
+#: The messages that are not converted yet; those of a group become one table. By the publisher,
+#: whether the messages are from /tf_static, and their layout: the times, the stamps and the poses.
+_Groups = dict[tuple[str, bool, Layout], tuple[list[int], list[bytes], list[bytes]]]
 
 
 def transform_tables(messages: Iterable[Message],
@@ -120,13 +77,50 @@ def transform_tables(messages: Iterable[Message],
     :param on_malformed: called with the error of each message that cannot be decoded.
     :returns: an iterator over the tables. In a table, each frame is the child of one edge only.
     """
-    groups = _Groups()
+    layouts: dict[Encoding, KnownLayouts] = {}
+    groups: _Groups = {}
+    size = 0
     for message in messages:
-        try:
-            yield from groups.add(message)
-        except ValueError as error:
-            on_malformed(error)
-    yield from groups.close()
+        data, encoding = message.data, message.encoding
+        known = layouts.get(encoding) or layouts.setdefault(encoding, KnownLayouts(encoding))
+        parts, rows = known.read(data), list[Row]()
+        if parts is None:
+            try:
+                rows = message.rows()
+            except ValueError as error:
+                on_malformed(error)
+                continue
+            parts = known.learn(data, rows)
+        if parts is None or size > _MOST_BYTES:
+            yield from _tables(groups, [*groups])
+            size = 0
+        if parts is None:
+            yield from (_table_of(message, row) for row in rows)
+            continue
+        layout, *content = parts
+        key = message.publisher, message.is_static, layout
+        if key not in groups:
+            # Groups with a common child are closed, so that its transforms stay in order.
+            yield from _tables(groups, [
+                other for other in groups
+                if other[:2] == key[:2] and not other[2].names.isdisjoint(layout.names)])
+            groups[key] = [], [], []
+        times, *lists = groups[key]
+        times.append(message.time)
+        for each, new in zip(lists, content):
+            each.extend(new)
+        size += len(data) + _OVERHEAD
+    yield from _tables(groups, [*groups])
+
+
+def _tables(groups: _Groups, keys: Iterable[tuple[str, bool, Layout]]) -> Iterator[TransformTable]:
+    """Convert the messages of some groups."""
+    for key in keys:
+        publisher, is_static, layout = key
+        times, stamps, poses = groups.pop(key)
+        yield TransformTable(
+            publisher, is_static, [*layout.edges], np.array(times, np.int64),
+            *layout.arrays(b''.join(stamps), bytearray().join(poses)))
 
 
 def _table_of(message: Message, row: Row) -> TransformTable:

@@ -6,18 +6,17 @@ transform column vectors (x, y, z, 1). Except where a function says otherwise, a
 has three numbers, and results are float64. ROS is not needed.
 
 The functions of Euler angles and quaternions check their arguments as `puretf.rotations`
-does, but a quaternion of length zero is no rotation. `quaternion_slerp` and the functions that
-only computer graphics needs (projections, clipping, the virtual trackball) call the module of
+does, but a quaternion of length zero is no rotation. The others are those of the module of
 C. Gohlke from which all of these names come, and of which transforms3d contains a copy.
 """
 
-from collections.abc import Iterable, Sequence
-from functools import reduce
-from typing import Any, Optional, Union
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from transforms3d import _gohlketransforms, affines, axangles, euler, reflections, shears, zooms
+from transforms3d import _gohlketransforms, affines, euler
 
 from puretf import rotations
 from puretf.rotations import Axes, Quaternion
@@ -47,160 +46,43 @@ ZOOM_IDENTITY = [1.0, 1.0, 1.0]
 SHEAR_IDENTITY = TRANSLATION_IDENTITY
 
 
-# Matrices
+def _with_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Convert the arguments to arrays of float64: numpy 2 does not convert lists there."""
+    def convert(value: Any) -> Any:
+        is_array = isinstance(value, (list, tuple, np.ndarray))
+        return np.asarray(value, np.float64) if is_array else value
+
+    @wraps(function)
+    def converted(*args: Any, **kwargs: Any) -> Any:
+        return function(*map(convert, args), **{
+            name: convert(value) for name, value in kwargs.items()})
+    return converted
 
 
-def identity_matrix() -> Array:
-    """Return the identity."""
-    return np.identity(4)
-
-
-def inverse_matrix(matrix: ArrayLike) -> Array:
-    """
-    Return the inverse of a square matrix.
-
-    :param matrix: (n, n).
-    :returns: (n, n).
-    :raises numpy.linalg.LinAlgError: if the matrix has no inverse.
-    """
-    return np.linalg.inv(np.asarray(matrix, np.float64))
-
-
-def concatenate_matrices(*matrices: ArrayLike) -> Array:
-    """
-    Return the product of matrices.
-
-    :param matrices: (4, 4) each; the last one is applied first.
-    :returns: (4, 4); the identity if there are no matrices.
-    """
-    return reduce(np.matmul, matrices, np.identity(4))
-
-
-def is_same_transform(matrix0: ArrayLike, matrix1: ArrayLike) -> bool:
-    """
-    Return True if two matrices are the same transform.
-
-    :returns: whether they are equal up to rounding, when each is divided by its last element.
-    """
-    first, second = np.asarray(matrix0, np.float64), np.asarray(matrix1, np.float64)
-    return bool(np.allclose(first / first[3, 3], second / second[3, 3]))
-
-
-def translation_matrix(direction: ArrayLike) -> Array:
-    """
-    Return the matrix of a translation.
-
-    :param direction: the translation x, y, z.
-    """
-    return np.asarray(affines.compose(_vector(direction), ROTATION_IDENTITY, ZOOM_IDENTITY))
-
-
-def translation_from_matrix(matrix: ArrayLike) -> Array:
-    """
-    Return the translation of a matrix.
-
-    :returns: (3,).
-    """
-    return np.array(matrix, np.float64)[:3, 3]
-
-
-def rotation_matrix(angle: float, direction: ArrayLike, point: Optional[ArrayLike] = None
-                    ) -> Array:
-    """
-    Return the matrix of a rotation about an axis.
-
-    :param angle: the angle.
-    :param direction: the direction of the axis; of any length except zero.
-    :param point: a point on the axis; None: the origin.
-    """
-    return np.asarray(axangles.axangle2aff(
-        _vector(direction), angle, None if point is None else _vector(point)))
-
-
-def rotation_from_matrix(matrix: ArrayLike) -> tuple[float, Array, Array]:
-    """
-    Return the angle and the axis of a rotation; the inverse of `rotation_matrix`.
-
-    :returns: the angle; (3,): the unit vector of the axis; (4,): a point x, y, z, 1 on it.
-    :raises ValueError: if the matrix is not a rotation about an axis.
-    """
-    direction, angle, point = axangles.aff2axangle(np.asarray(matrix, np.float64))
-    return angle, direction, point
-
-
-def reflection_matrix(point: ArrayLike, normal: ArrayLike) -> Array:
-    """
-    Return the matrix of a reflection at a plane.
-
-    :param point: a point on the plane.
-    :param normal: the normal of the plane; of any length except zero.
-    """
-    return np.asarray(reflections.rfnorm2aff(_vector(normal), _vector(point)))
-
-
-def reflection_from_matrix(matrix: ArrayLike) -> tuple[Array, Array]:
-    """
-    Return the plane of a reflection; the inverse of `reflection_matrix`.
-
-    :returns: (4,): a point x, y, z, 1 on the plane; (3,): its unit normal.
-    :raises ValueError: if the matrix is not a reflection.
-    """
-    normal, point = reflections.aff2rfnorm(np.asarray(matrix, np.float64))
-    return point, normal
-
-
-def scale_matrix(factor: float, origin: Optional[ArrayLike] = None,
-                 direction: Optional[ArrayLike] = None) -> Array:
-    """
-    Return the matrix that scales by a factor.
-
-    :param factor: the factor.
-    :param origin: the point that stays where it is; None: the origin.
-    :param direction: the direction in which to scale, of any length except zero; None: all.
-    """
-    return np.asarray(zooms.zfdir2aff(
-        factor, None if direction is None else _vector(direction),
-        None if origin is None else _vector(origin)))
-
-
-def scale_from_matrix(matrix: ArrayLike) -> tuple[float, Array, Optional[Array]]:
-    """
-    Return the arguments of `scale_matrix`.
-
-    :returns: the factor; (4,): the point x, y, z, 1 that stays where it is; (3,): the unit vector
-        of the direction, or None if all directions are scaled.
-    :raises ValueError: if the matrix does not scale.
-    """
-    factor, direction, origin = zooms.aff2zfdir(np.asarray(matrix, np.float64))
-    return factor, origin, direction
-
-
-def shear_matrix(angle: float, direction: ArrayLike, point: ArrayLike, normal: ArrayLike) -> Array:
-    """
-    Return the matrix of a shear.
-
-    :param angle: the angle between a point that is one unit above the plane, its projection onto
-        the plane and its image.
-    :param direction: the direction in which points move, perpendicular to the normal; of any
-        length except zero.
-    :param point: a point on the plane whose points stay where they are.
-    :param normal: the normal of the plane; of any length except zero.
-    :raises ValueError: if the direction is not perpendicular to the normal.
-    """
-    return np.asarray(shears.sadn2aff(
-        angle, _vector(direction), _vector(normal), _vector(point)))
-
-
-def shear_from_matrix(matrix: ArrayLike) -> tuple[float, Array, Array, Array]:
-    """
-    Return the arguments of `shear_matrix`.
-
-    :returns: the angle; (3,): the unit vector of the direction; (4,): a point x, y, z, 1 on the
-        plane; (3,): the unit normal of the plane.
-    :raises ValueError: if the matrix is not a shear.
-    """
-    angle, direction, normal, point = shears.aff2sadn(np.asarray(matrix, np.float64))
-    return angle, direction, point, normal
+identity_matrix = _gohlketransforms.identity_matrix
+inverse_matrix = _gohlketransforms.inverse_matrix
+concatenate_matrices = _gohlketransforms.concatenate_matrices
+is_same_transform = _gohlketransforms.is_same_transform
+translation_matrix = _gohlketransforms.translation_matrix
+clip_matrix = _gohlketransforms.clip_matrix
+orthogonalization_matrix = _gohlketransforms.orthogonalization_matrix
+random_rotation_matrix = _gohlketransforms.random_rotation_matrix
+random_vector = _gohlketransforms.random_vector
+vector_norm = _gohlketransforms.vector_norm
+arcball_map_to_sphere = _gohlketransforms.arcball_map_to_sphere
+arcball_constrain_to_axis = _gohlketransforms.arcball_constrain_to_axis
+translation_from_matrix = _with_arrays(_gohlketransforms.translation_from_matrix)
+rotation_matrix = _with_arrays(_gohlketransforms.rotation_matrix)
+rotation_from_matrix = _with_arrays(_gohlketransforms.rotation_from_matrix)
+reflection_matrix = _with_arrays(_gohlketransforms.reflection_matrix)
+reflection_from_matrix = _with_arrays(_gohlketransforms.reflection_from_matrix)
+scale_matrix = _with_arrays(_gohlketransforms.scale_matrix)
+scale_from_matrix = _with_arrays(_gohlketransforms.scale_from_matrix)
+shear_matrix = _with_arrays(_gohlketransforms.shear_matrix)
+shear_from_matrix = _with_arrays(_gohlketransforms.shear_from_matrix)
+projection_matrix = _with_arrays(_gohlketransforms.projection_matrix)
+projection_from_matrix = _with_arrays(_gohlketransforms.projection_from_matrix)
+unit_vector = _with_arrays(_gohlketransforms.unit_vector)
 
 
 def compose_matrix(scale: Optional[ArrayLike] = None, shear: Optional[ArrayLike] = None,
@@ -247,7 +129,22 @@ def decompose_matrix(matrix: ArrayLike
     return factors, shear, euler.mat2euler(rotation), translation, perspective
 
 
-# Euler angles and quaternions
+def superimposition_matrix(v0: ArrayLike, v1: ArrayLike, scaling: bool = False,
+                           usesvd: bool = True) -> Array:
+    """
+    Return the matrix that brings points as close as possible to other points.
+
+    The sum of the squared distances is the smallest. See W. Kabsch, A solution for the best
+    rotation to relate two sets of vectors, 1976; B. Horn, Closed-form solution of absolute
+    orientation using unit quaternions, 1987.
+
+    :param v0: (3, n) or (4, n): the points, one in each column, at least three.
+    :param v1: of the same shape: the points to which they are brought.
+    :param scaling: whether the matrix also scales.
+    :param usesvd: True: the method of Kabsch; False: that of Horn, which is slower.
+    """
+    first, second = np.asarray(v0, np.float64)[:3], np.asarray(v1, np.float64)[:3]
+    return np.asarray(_gohlketransforms.superimposition_matrix(first, second, scaling, usesvd))
 
 
 def euler_matrix(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Array:
@@ -362,245 +259,20 @@ def random_quaternion(rand: Optional[Sequence[float]] = None) -> Array:
     return np.roll(_gohlketransforms.random_quaternion(rand), -1)
 
 
-def random_rotation_matrix(rand: Optional[Sequence[float]] = None) -> Array:
-    """
-    Return a random rotation; all rotations are equally likely.
+class Arcball(_gohlketransforms.Arcball):
+    """A virtual trackball: turns the movement of a mouse into a rotation."""
 
-    :param rand: as in `random_quaternion`.
-    """
-    return quaternion_matrix(random_quaternion(rand))
-
-
-# Vectors
-
-
-def random_vector(size: Union[int, tuple[int, ...]]) -> Array:
-    """
-    Return random numbers.
-
-    :param size: the shape of the result.
-    :returns: an array of that shape, with values from 0 to 1, without 1.
-    """
-    return np.random.random(size)
-
-
-def vector_norm(data: ArrayLike, axis: Optional[int] = None, out: Optional[Array] = None) -> Any:
-    """
-    Return the length (norm) of a vector, or the lengths of many.
-
-    :param data: the vector, or an array of vectors.
-    :param axis: the axis along which the elements of a vector are; None: `data` is one vector.
-    :param out: an array for the result.
-    :returns: the length as a float, if `data` has one axis; else the array of the lengths; None
-        if `out` is given.
-    """
-    return _gohlketransforms.vector_norm(data, axis, out)
-
-
-def unit_vector(data: ArrayLike, axis: Optional[int] = None, out: Optional[Array] = None) -> Any:
-    """
-    Return a vector, or many vectors, divided by their lengths.
-
-    :param data: the vector, or an array of vectors.
-    :param axis: the axis along which the elements of a vector are; None: `data` is one vector.
-    :param out: an array for the result, of the shape of `data`.
-    :returns: the array of the shape of `data`; None if `out` is given.
-    """
-    return _gohlketransforms.unit_vector(
-        data if out is data else np.asarray(data, np.float64), axis, out)
-
-
-# Computer graphics
-
-
-def projection_matrix(point: ArrayLike, normal: ArrayLike, direction: Optional[ArrayLike] = None,
-                      perspective: Optional[ArrayLike] = None, pseudo: bool = False) -> Array:
-    """
-    Return the matrix of a projection onto a plane.
-
-    :param point: a point on the plane.
-    :param normal: the normal of the plane; of any length except zero.
-    :param direction: the direction of a parallel projection; None: along the normal, or the
-        projection has a perspective.
-    :param perspective: the point to which all points are projected; None: a parallel projection.
-    :param pseudo: whether a projection with a perspective keeps the relative depth of points.
-    """
-    return np.asarray(_gohlketransforms.projection_matrix(
-        _vector(point), _vector(normal), None if direction is None else _vector(direction),
-        None if perspective is None else _vector(perspective), pseudo))
-
-
-def projection_from_matrix(matrix: ArrayLike, pseudo: bool = False
-                           ) -> tuple[Array, Array, Optional[Array], Optional[Array], bool]:
-    """
-    Return the arguments of `projection_matrix`.
-
-    :param pseudo: whether the projection keeps the relative depth of points.
-    :returns: (4,): a point x, y, z, 1 on the plane; (3,): its unit normal; (3,): the direction of
-        a parallel projection, or None; (3,): the point of the perspective, or None; `pseudo`.
-    :raises ValueError: if the matrix is not a projection.
-    """
-    result: tuple[Array, Array, Optional[Array], Optional[Array], bool] = (
-        _gohlketransforms.projection_from_matrix(np.asarray(matrix, np.float64), pseudo))
-    return result
-
-
-def clip_matrix(left: float, right: float, bottom: float, top: float, near: float, far: float,
-                perspective: bool = False) -> Array:
-    """
-    Return the matrix from a view volume to normalised coordinates, which are from -1 to 1.
-
-    :param left: the smallest x of the volume.
-    :param right: the largest x.
-    :param bottom: the smallest y.
-    :param top: the largest y.
-    :param near: the smallest z.
-    :param far: the largest z.
-    :param perspective: whether the volume is a truncated pyramid with its tip at the origin, and
-        not a box. The result must then be divided by its fourth coordinate.
-    :raises ValueError: if a largest value is not larger than the smallest, or a pyramid begins at
-        its tip.
-    """
-    return np.asarray(_gohlketransforms.clip_matrix(
-        left, right, bottom, top, near, far, perspective))
-
-
-def orthogonalization_matrix(lengths: ArrayLike, angles: ArrayLike) -> Array:
-    """
-    Return the matrix that makes the coordinates of a crystal cell orthogonal.
-
-    :param lengths: the lengths a, b, c of the edges of the cell.
-    :param angles: the angles alpha, beta, gamma between them (degrees).
-    """
-    return np.asarray(_gohlketransforms.orthogonalization_matrix(
-        _vector(lengths), _vector(angles)))
-
-
-def superimposition_matrix(v0: ArrayLike, v1: ArrayLike, scaling: bool = False,
-                           usesvd: bool = True) -> Array:
-    """
-    Return the matrix that brings points as close as possible to other points.
-
-    The sum of the squared distances is the smallest. See W. Kabsch, A solution for the best
-    rotation to relate two sets of vectors, 1976; B. Horn, Closed-form solution of absolute
-    orientation using unit quaternions, 1987.
-
-    :param v0: (3, n) or (4, n): the points, one in each column, at least three.
-    :param v1: of the same shape: the points to which they are brought.
-    :param scaling: whether the matrix also scales.
-    :param usesvd: True: the method of Kabsch; False: that of Horn, which is slower.
-    """
-    first, second = np.asarray(v0, np.float64)[:3], np.asarray(v1, np.float64)[:3]
-    return np.asarray(_gohlketransforms.superimposition_matrix(first, second, scaling, usesvd))
-
-
-class Arcball:
-    """
-    A virtual trackball: turns the movement of a mouse into a rotation.
-
-    K. Shoemake, ARCBALL: A User Interface for Specifying Three-Dimensional Orientation Using a
-    Mouse, 1992.
-    """
-
-    def __init__(self, initial: Optional[ArrayLike] = None) -> None:
-        """
-        Create a trackball.
-
-        :param initial: its rotation: (4,): x, y, z, w; or (4, 4); None: the identity.
-        :raises ValueError: if `initial` has another shape.
-        """
-        if initial is not None and np.shape(initial) == (4,):
-            initial = np.roll(np.asarray(initial, np.float64), 1)
-        self._ball = _gohlketransforms.Arcball(initial)
-
-    def place(self, center: Sequence[float], radius: float) -> None:
-        """
-        Place the trackball, for example when the size of its window has changed.
-
-        :param center: x, y of its centre in the window (pixels).
-        :param radius: its radius (pixels).
-        """
-        self._ball.place(center, radius)
-
-    def setaxes(self, *axes: ArrayLike) -> None:
-        """
-        Set the axes about which it turns while it is constrained.
-
-        :param axes: vectors of any length except zero.
-        """
-        self._ball.setaxes(*axes)
+    def __init__(self, initial: Any = None) -> None:
+        """Create a trackball with a rotation: (4,): x, y, z, w; or (4, 4); None: the identity."""
+        super().__init__(np.roll(initial, 1) if np.size(initial) == 4 else initial)
 
     def setconstrain(self, constrain: bool) -> None:
-        """
-        Set whether it turns only about the axes of `setaxes`.
-
-        :param constrain: whether it is constrained.
-        """
-        self._ball.constrain = constrain
+        """Set whether it turns only about the axes of `setaxes`."""
+        self.constrain = constrain
 
     def getconstrain(self) -> bool:
-        """
-        Return whether it turns only about the axes of `setaxes`.
-
-        :returns: whether it is constrained.
-        """
-        return bool(self._ball.constrain)
-
-    def down(self, point: Sequence[float]) -> None:
-        """
-        Begin to drag, and choose an axis if the trackball is constrained.
-
-        :param point: x, y of the mouse in the window (pixels).
-        """
-        self._ball.down(point)
-
-    def drag(self, point: Sequence[float]) -> None:
-        """
-        Turn the trackball.
-
-        :param point: x, y of the mouse in the window (pixels).
-        """
-        self._ball.drag(point)
-
-    def next(self, acceleration: float = 0.0) -> None:
-        """
-        Turn the trackball on, in the direction of the last movement.
-
-        :param acceleration: how much faster than the last movement; 0: as fast.
-        """
-        self._ball.next(acceleration)
-
-    def matrix(self) -> Array:
-        """
-        Return the rotation of the trackball.
-
-        :returns: (4, 4).
-        """
-        return np.asarray(self._ball.matrix())
-
-
-def arcball_map_to_sphere(point: Sequence[float], center: Sequence[float], radius: float
-                          ) -> Array:
-    """
-    Return the point of the unit sphere that is seen at a point of a window.
-
-    :param point: x, y in the window (pixels).
-    :param center: x, y of the centre of the sphere in the window (pixels).
-    :param radius: the radius of the sphere (pixels).
-    :returns: (3,); outside of the sphere: the nearest point of its outline.
-    """
-    return np.asarray(_gohlketransforms.arcball_map_to_sphere(point, center, radius))
-
-
-def arcball_constrain_to_axis(point: ArrayLike, axis: ArrayLike) -> Array:
-    """
-    Return the point of the unit sphere that is perpendicular to an axis and nearest to a point.
-
-    :param point: a point of the unit sphere.
-    :param axis: the unit vector of the axis.
-    :returns: (3,).
-    """
-    return np.asarray(_gohlketransforms.arcball_constrain_to_axis(_vector(point), _vector(axis)))
+        """Return whether it turns only about the axes of `setaxes`."""
+        return bool(self.constrain)
 
 
 def arcball_nearest_axis(point: ArrayLike, axes: Sequence[ArrayLike]) -> Any:
@@ -623,5 +295,3 @@ def _rotation(quaternion: Iterable[float]) -> Sequence[float]:
 def _vector(given: ArrayLike) -> Array:
     """Convert the first three numbers of a vector or a point to an array."""
     return np.array(given, np.float64)[:3]
-
-

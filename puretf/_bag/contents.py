@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 import re
 from typing import Optional, Union
@@ -10,7 +11,6 @@ from typing import Optional, Union
 from puretf._bag.recordings import BagError, error_line
 from puretf._text.names import comma_list, namespace_path, shortened, TF_MESSAGE, visible
 from puretf._wire import cdr, ros1
-from puretf._wire.definitions import begins_with_header
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import Encoding
 
@@ -79,7 +79,7 @@ class Contents:
             is_tf, is_named = msgtype in _TF_TYPES, name in self._others
             is_static = self._is_static.get(name) if is_tf else None
             has_header = (self._headers or is_named) and not is_tf and (
-                name not in self._is_static and begins_with_header(msgtype, definition))
+                name not in self._is_static and _begins_with_header(msgtype, definition))
             is_wanted = (self._tf and is_static is not None) or is_named or (
                 msgtype, name.rpartition('/')[2]) in self._others
             topic = self.topics[name, msgtype] = Topic(
@@ -131,3 +131,20 @@ class Contents:
                   for name, msgtype in sorted(self.topics)]
         return self.wrong_types() or (f'no {TF_MESSAGE} on {expected}; its topics: '
                                       f'{comma_list(topics) or "none"}')
+
+
+@lru_cache(maxsize=1000)
+def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
+    """Return whether messages begin with a header; None: the definition is not understood."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+    try:
+        if not definition:
+            types = get_typestore(Stores.LATEST).fielddefs
+        elif re.search(r'\bmodule\s+\w+\s*{', definition):
+            types = get_types_from_idl(definition)
+        else:
+            types = get_types_from_msg(definition, msgtype)
+        fields = types[msgtype][1]
+    except Exception:  # the parser raises errors of many types
+        return None
+    return bool(fields) and fields[0][1][1] == 'std_msgs/msg/Header'

@@ -9,8 +9,6 @@ from puretf._bag.contents import Contents, Topic
 from puretf._bag.unpacking import Item, TICK
 from puretf._text.names import abbreviated
 
-_DELETE = '; the program sqlite3 can delete such messages'
-
 
 def records_of_database(path: Path, contents: Contents) -> Iterator[Item]:
     """Yield the messages that are read, in the order of time."""
@@ -53,26 +51,22 @@ def _messages(database: sqlite3.Connection, topics: dict[int, Topic], contents: 
     ((first, last),) = database.execute('SELECT (SELECT min(timestamp) FROM messages), '
                                         '(SELECT max(timestamp) FROM messages)')
     if last is not None:
-        contents.add_span(_checked(first), _checked(last))
+        if not (type(first) is type(last) is int and first >= 0):
+            raise _wrong_row(f'times from {first!r} to {last!r}')
+        contents.add_span(first, last)
     wanted = ', '.join(str(key) for key, topic in topics.items() if topic.is_read)
     for number, (key, time, data) in enumerate(database.execute(
             f'SELECT topic_id, timestamp, CASE WHEN topic_id IN ({wanted}) THEN data END '
             'FROM messages ORDER BY timestamp, id')):
-        if type(time) is not int:
-            _checked(time)
+        if (topic := topics.get(key)) is None or type(time) is not int:
+            raise _wrong_row(f'the topic {key!r} and the time {time!r}')
         if number % TICK == 0:
             yield (time - first) / (last - first or 1)
-        if (topic := topics.get(key)) is None:
-            raise ValueError(f'a message has the topic {abbreviated(repr(key))}, which is not in '
-                             f'its table topics{_DELETE}')
         topic.count += 1
         if topic.is_read:
             yield topic, time, data if isinstance(data, bytes) else b''
 
 
-def _checked(time: object) -> int:
-    """Return a time of the recording (ns); refuse what is not an integer from 0 on."""
-    if type(time) is not int or time < 0:
-        raise ValueError(f'a message has the time {abbreviated(repr(time))}, which is not a '
-                         f'number of nanoseconds from 0 to 2**63 - 1{_DELETE}')
-    return time
+def _wrong_row(values: str) -> ValueError:
+    return ValueError(f'its table messages has {abbreviated(values)}, not a topic of its table '
+                      'topics and nanoseconds from 0 on; the program sqlite3 can delete such rows')

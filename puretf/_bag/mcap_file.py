@@ -20,19 +20,17 @@ from typing import BinaryIO, NamedTuple, Optional
 from zlib import crc32
 
 from puretf._bag.contents import Contents, Record, Topic
-from puretf._bag.unpacking import DECOMPRESSORS, Item, too_large
+from puretf._bag.unpacking import DECOMPRESSORS, Item, TICK, too_large
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX, _CHUNK_INDEX, _STATISTICS = (
     2, 3, 4, 5, 6, 7, 8, 11)
-_NAMES = {_SCHEMA: 'schema', _CHANNEL: 'channel', _MESSAGE: 'message', _CHUNK: 'chunk',
-          _INDEX: 'message index', _CHUNK_INDEX: 'chunk index', _STATISTICS: 'statistics'}
 #: The begin of a record, of a message, and of a chunk: begin, end, size, checksum, and the length
 #: of the name of its compression; of a chunk index: begin, end, place, length, and the size of its
-#: channels with their places; of statistics: the number of chunks, and the size of the channels
-#: with their numbers of messages.
+#: channels with their places; of statistics: the size of the channels with their numbers of
+#: messages.
 _RECORD, _HEAD, _CHUNK_HEAD, _CHUNK_INDEX_HEAD, _STATISTICS_HEAD = map(
-    Struct, ('<BQ', '<HIqq', '<qqQII', '<qqQQI', '<22xI16xI'))
+    Struct, ('<BQ', '<HIqq', '<qqQII', '<qqQQI', '<42xI'))
 #: The begin of a message index: the channel and the size of its entries; a schema or channel: its
 #: number and that of its schema; the length of a text.
 _INDEX_HEAD, _NUMBERS, _LENGTH = map(Struct, ('<HI', '<HH', '<I'))
@@ -40,9 +38,6 @@ _INDEX_HEAD, _NUMBERS, _LENGTH = map(Struct, ('<HI', '<HH', '<I'))
 #: its offsets, checksum.
 _END = Struct('<BQQQI8s')
 _LATEST = 2**63  # ns
-_PIECE = 2**20  # bytes
-#: The progress is reported once for so many records.
-_TICK = 1000
 _time = itemgetter(1)
 
 
@@ -62,61 +57,53 @@ class McapFile:
 
     def __init__(self, path: Path, contents: Contents) -> None:
         self._path, self._contents, self._size = path, contents, path.stat().st_size
+        self._damage = len(contents.damage)  # of other files
         self._schemas = {0: ('', '')}  # the name and the definition
         self._topics: dict[int, Topic] = {}  # by channel
         self._chunks: list[_Chunk] = []
         #: By the place of a chunk: its length, begin, end and channels, by the chunk index.
         self._index: dict[int, tuple[int, int, int, frozenset[int]]] = {}
-        self._is_checked = False  # True if the checksum of the summary is right
-        #: The numbers of chunks, and of messages by channel, by the statistics.
-        self._chunk_count: Optional[int] = None
-        self._announced: Counter[int] = Counter()
-        self._counts: Counter[int] = Counter()  # of the messages that were found
+        #: Where the summary begins, if its checksum is right.
+        self._summary_at: Optional[int] = None
+        #: The numbers of messages by channel: by the statistics, and those that were found.
+        self._announced, self._counts = Counter[int](), Counter[int]()
 
     def records(self) -> Iterator[Item]:
         """Yield the messages that are read, in the order of time if they are in chunks."""
-        contents, damage = self._contents, len(self._contents.damage)
         with self._path.open('rb') as file:
-            end = self._size
-            try:
-                if start := self._checked_summary(file):
-                    yield from self._items(file, start, end)
-                    self._is_checked, end = True, start
-            except Exception as error:
-                contents.add_damage(error)
-            try:
-                yield from self._items(file, 8, end)
-                if not self._is_checked and len(contents.damage) > damage:
-                    self._topics.clear()  # which may be wrong; chunks repeat them
-                self._check_index()
-            except Exception as error:
-                contents.add_damage(error)
-            yield from self._in_chunks(file)
-        if self._is_checked and self._announced and self._announced != self._counts and (
-                len(contents.damage) == damage):
-            contents.add_damage(ValueError(
-                f'its statistics announce {self._announced.total()} messages, but '
-                f'{self._counts.total()} were found, or others of a channel'))
+            for items in self._in_summary(file), self._in_data(file), self._in_chunks(file):
+                try:
+                    yield from items
+                except Exception as error:
+                    self._contents.add_damage(error)
 
-    def _checked_summary(self, file: BinaryIO) -> int:
-        """Return where the summary begins; 0 if it has no checksum."""
+    def _in_summary(self, file: BinaryIO) -> Iterator[Item]:
+        """Read the summary if it has a checksum."""
         at = self._size - _END.size
         file.seek(max(0, at))
         if len(end := file.read(_END.size)) < _END.size:
-            return 0
+            return
         kind, _, start, _, checksum, magic = _END.unpack(end)
         if kind != _FOOTER or magic != _MAGIC or not checksum:
-            return 0
+            return
         start = start or at  # there is only a footer
-        left, crc = self._size - 12 - start, 0
-        if left > (limit := self._contents.max_bytes):
-            raise too_large('the summary', f'{left}', limit)
         file.seek(min(start, at))
-        while left > 0 and (piece := file.read(min(left, _PIECE))):
-            left, crc = left - len(piece), crc32(piece, crc)
-        if crc != checksum:
+        if crc32(self._read(file, max(0, self._size - 12 - start), 'the summary')) != checksum:
             raise ValueError('the checksum of its summary is wrong')
-        return int(start)
+        yield from self._items(file, start, self._size)
+        self._summary_at = start
+
+    def _in_data(self, file: BinaryIO) -> Iterator[Item]:
+        """Yield the messages that are not in chunks; find the chunks."""
+        yield from self._items(file, 8, self._summary_at or self._size)
+        if self._summary_at is None:
+            if self._contents.damage[self._damage:]:
+                self._topics.clear()  # which may be wrong; chunks repeat them
+        elif self._index and self._index != {
+                chunk.at: (*chunk[1:4], frozenset(chunk.counts)) for chunk in self._chunks}:
+            self._index.clear()
+            raise ValueError('its chunks, or the message indexes behind them, are not as the '
+                             'chunk index in its summary says')
 
     def _items(self, file: BinaryIO, at: int, end: int) -> Iterator[Item]:
         """Yield the messages that are read and not in chunks; note definitions and chunks."""
@@ -129,7 +116,10 @@ class McapFile:
                 raise EOFError('it ends too early')
             try:
                 if kind == _MESSAGE:
-                    yield from self._message(file, length)
+                    found, span = self._messages(
+                        _RECORD.pack(kind, length) + self._read(file, length))
+                    self._contents.add_span(*span)
+                    yield from found
                 elif kind == _CHUNK:
                     first, last, _, checksum, _ = _CHUNK_HEAD.unpack(
                         file.read(min(length, _CHUNK_HEAD.size)))
@@ -139,29 +129,18 @@ class McapFile:
                     if size > length - _INDEX_HEAD.size or size % 16 or not self._chunks:
                         raise struct.error
                     self._chunks[-1].counts[channel] = size // 16
-                elif kind in _NAMES:
+                elif kind in (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS):
                     self._define(kind, self._read(file, length))
             except struct.error:
-                raise _too_short(kind, length) from None
+                raise _too_short(length) from None
             number += 1
-            if number % _TICK == 0:
+            if number % TICK == 0:
                 yield at / self._size
 
-    def _message(self, file: BinaryIO, length: int) -> Iterator[Record]:
-        channel, _, time, _ = _HEAD.unpack(file.read(min(length, _HEAD.size)))
-        topic = self._topics.get(channel)
-        if topic is None:
-            raise ValueError('a message that is not in a chunk has no channel')
-        self._counts[channel] += 1
-        topic.count += 1
-        self._contents.add_span(time, time)
-        if topic.is_read:
-            yield topic, time, self._read(file, length - _HEAD.size)
-
-    def _read(self, file: BinaryIO, length: int) -> bytes:
-        if length > (limit := self._contents.max_bytes):
-            raise too_large(f'a record of {length} bytes', f'{length}', limit)
-        return file.read(length)
+    def _read(self, file: BinaryIO, size: int, what: str = 'a record') -> bytes:
+        if size > (limit := self._contents.max_bytes):
+            raise too_large(what, f'{size}', limit)
+        return file.read(size)
 
     def _define(self, kind: int, data: bytes) -> None:
         """Note a schema, a channel, a chunk index or statistics."""
@@ -171,7 +150,7 @@ class McapFile:
                 length - _RECORD.size, begin, end,
                 frozenset(_map(data, _CHUNK_INDEX_HEAD.size, size)))
         elif kind == _STATISTICS:
-            self._chunk_count, size = _STATISTICS_HEAD.unpack_from(data)
+            (size,) = _STATISTICS_HEAD.unpack_from(data)
             self._announced = Counter(_map(data, _STATISTICS_HEAD.size, size))
         else:
             number, schema = _NUMBERS.unpack_from(data)
@@ -183,21 +162,8 @@ class McapFile:
                 self._topics[number] = self._contents.topic(
                     name, *self._schemas[schema], encoding, qos)
 
-    def _is_indexed(self, chunk: _Chunk) -> bool:
-        """Return True if a chunk is as the chunk index says, which has a checksum."""
-        return self._is_checked and self._index.get(chunk.at) == (
-            chunk.length, chunk.begin, chunk.end, frozenset(chunk.counts))
-
-    def _check_index(self) -> None:
-        if self._chunk_count not in (None, len(self._chunks)):
-            raise ValueError(f'it has {len(self._chunks)} chunks, not {self._chunk_count}')
-        if self._is_checked and self._index and (
-                len(self._index) != len(self._chunks)
-                or not all(map(self._is_indexed, self._chunks))):
-            raise ValueError('its chunks, or the message indexes behind them, are not as the '
-                             'chunk index in its summary says')
-
     def _in_chunks(self, file: BinaryIO) -> Iterator[Item]:
+        """Yield the messages in chunks in the order of time."""
         # By chunk: the earliest begin of all later ones.
         begins = [*accumulate((chunk.begin or _LATEST for chunk in reversed(self._chunks)),
                               min, initial=_LATEST)][-2::-1]
@@ -205,7 +171,7 @@ class McapFile:
         for chunk, next_begin in zip(self._chunks, begins):
             try:
                 if not self._is_skipped(chunk):
-                    yield from self._in_chunk(chunk, file, waiting)
+                    self._read_chunk(chunk, file, waiting)
             except Exception as error:
                 self._contents.add_damage(error)
             waiting.sort(key=_time)
@@ -213,15 +179,17 @@ class McapFile:
             yield from waiting[:ready]
             del waiting[:ready]
             yield (chunk.at + chunk.length) / self._size
+        if self._announced and self._announced != self._counts and (
+                len(self._contents.damage) == self._damage):
+            raise ValueError(
+                f'its statistics announce {self._announced.total()} messages, but '
+                f'{self._counts.total()} were found, or others of a channel')
 
     def _is_skipped(self, chunk: _Chunk) -> bool:
         """Return True if it is known that no message of a chunk is read; count its messages."""
-        if self._is_indexed(chunk):
-            self._contents.add_span(chunk.begin, chunk.end)
-        elif self._is_checked or chunk.has_checksum:
-            return False
+        is_known = not chunk.has_checksum if self._summary_at is None else chunk.at in self._index
         topics = [self._topics.get(channel) for channel in chunk.counts]
-        if not topics or any(topic is None or topic.is_read for topic in topics):
+        if not is_known or not topics or any(topic is None or topic.is_read for topic in topics):
             return False
         self._contents.add_span(chunk.begin, chunk.end)
         self._count(chunk.counts)
@@ -233,11 +201,19 @@ class McapFile:
             if topic := self._topics.get(channel):
                 topic.count += count
 
-    def _in_chunk(self, chunk: _Chunk, file: BinaryIO, waiting: list[Record]) -> Iterator[float]:
-        """Add the messages in a chunk that are read, and count all; yield the progress."""
-        data, found = self._content(chunk, file), list[Record]()
-        channels, times = list[int](), list[int]()
-        at = number = kind = length = 0
+    def _read_chunk(self, chunk: _Chunk, file: BinaryIO, waiting: list[Record]) -> None:
+        """Add the messages in a chunk that are read."""
+        found, span = self._messages(self._content(chunk, file))
+        waiting += found
+        self._contents.add_span(*span)
+        if (self._summary_at is not None or chunk.has_checksum) and (
+                chunk.begin, chunk.end) not in (span, (0, 0)):
+            raise ValueError('the times in the head of a chunk are not those of its messages')
+
+    def _messages(self, data: bytes) -> tuple[list[Record], tuple[int, int]]:
+        """Count the messages among records; return those that are read, and the span of all."""
+        found, channels, times = list[Record](), list[int](), list[int]()
+        at = kind = length = 0
         try:
             while at <= len(data) - _RECORD.size:
                 kind, length = _RECORD.unpack_from(data, at)
@@ -256,32 +232,26 @@ class McapFile:
                         found.append((topic, time, data[begin + _HEAD.size:at]))
                 elif kind in (_SCHEMA, _CHANNEL):
                     self._define(kind, data[begin:at])
-                number += 1
-                if number % _TICK == 0:
-                    yield chunk.at / self._size
         except struct.error:
-            raise _too_short(kind, length) from None
+            raise _too_short(length) from None
         if at != len(data) or (data and not kind):
             raise EOFError('a chunk ends too early')
-        waiting += found
-        self._count(Counter(channels))
-        span = (min(times), max(times)) if times else (0, 0)
-        self._contents.add_span(*span)
-        if (self._is_checked or chunk.has_checksum) and (chunk.begin, chunk.end) not in (
-                span, (0, 0)):
-            raise ValueError('the times in the head of a chunk are not those of its messages')
+        counts = Counter(channels)
+        self._count(counts)
+        if counts.keys() - self._topics.keys():
+            self._contents.add_damage(ValueError('a message has no channel'))
+        return found, (min(times), max(times)) if times else (0, 0)
 
     def _content(self, chunk: _Chunk, file: BinaryIO) -> bytes:
         file.seek(chunk.at)
         _, _, size, checksum, named = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
-        if max(size, chunk.length) > self._contents.max_bytes:
-            raise too_large(f'a chunk of {chunk.length} bytes', f'{size}',
-                            self._contents.max_bytes)
+        if max(size, chunk.length) > (limit := self._contents.max_bytes):
+            raise too_large(f'a chunk of {chunk.length} bytes', f'{size}', limit)
         left = chunk.length - _CHUNK_HEAD.size - 8
         method = file.read(max(0, min(named, left)))
         length = int.from_bytes(file.read(8), 'little')
         if named + length > left:
-            raise _too_short(_CHUNK, chunk.length)
+            raise _too_short(chunk.length)
         data = file.read(length)
         if method in DECOMPRESSORS:
             data = DECOMPRESSORS[method]().decompress(data, size)
@@ -290,8 +260,8 @@ class McapFile:
         return data
 
 
-def _too_short(kind: int, length: int) -> ValueError:
-    return ValueError(f'a {_NAMES[kind]} record of {length} bytes is shorter than its fields')
+def _too_short(length: int) -> ValueError:
+    return ValueError(f'a record of {length} bytes is shorter than its fields')
 
 
 def _map(data: bytes, at: int, size: int) -> dict[int, int]:

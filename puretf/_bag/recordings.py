@@ -1,6 +1,6 @@
 """Which files are the parts of one recording, and in which order."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from glob import glob
 from itertools import filterfalse, islice
@@ -8,9 +8,9 @@ import os
 from os.path import exists, isdir
 from pathlib import Path, PurePath
 import re
-from typing import Any, NamedTuple, Optional, Union
+from typing import NamedTuple, Optional, Union
 
-from puretf._text.names import abbreviated, comma_list, shortened, SHOWN, visible
+from puretf._text.names import abbreviated, comma_list, SHOWN, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -24,9 +24,6 @@ _FILE = re.compile(f'{_ENDING}$')
 _PART = re.compile(rf'.*(?<!-\d\d-\d\d-\d\d)_(0|[1-9]\d*){_ENDING}')
 #: The largest number of characters of an error of a library.
 _LONGEST_ERROR = 500
-#: The largest size of metadata (bytes), and the largest numbers of values one within another, and
-#: up to the end of the list of files.
-_LONGEST, _DEEPEST, _MOST_VALUES = 1_000_000, 20, 20_000
 
 
 class BagError(Exception):
@@ -123,10 +120,8 @@ def resolved(recording: Recording) -> Recording:
     if others and not any(map(exists, files)):
         missing, rest = (comma_list(names, visible)
                          for names in ([each.name for each in files], others))
-        remedy = ('is not listed: give this file' if len(others) == 1 else
-                  'are not listed: give these files')
         raise BagError(f'{recording.path} cannot be read: files that its metadata.yaml lists are '
-                       f'missing: {missing}; {rest} {remedy}')
+                       f'missing: {missing}; give its files in place of the directory: {rest}')
     return Recording(recording.path, files, next(filterfalse(exists, files[:1]), None))
 
 
@@ -144,41 +139,15 @@ def _listed(directory: Path) -> list[Path]:
         raise BagError(f'{directory} is not a bag: {BAG_DEFINITION}')
     from ruamel.yaml import YAML
     try:
-        with metadata.open('rb') as file:
-            data = file.read(_LONGEST + 1)
-        if len(data) > _LONGEST:
-            raise ValueError(f'it has more than {_LONGEST} bytes')
-        return [directory / name for name in _names(
-            islice(YAML(typ='safe').parse(data.decode(errors='replace')), _MOST_VALUES))]
+        # The rest is not parsed: it has the types and the QoS of all topics.
+        found = re.search(r'^ *relative_file_paths:(.*?)(?=^ *\w+:|\Z)',
+                          metadata.read_text('utf-8', 'replace'), re.DOTALL | re.MULTILINE)
+        names = YAML(typ='safe').load(found[1]) if found else None
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError('it has no list of names, relative_file_paths')
+        return [directory / name for name in dict.fromkeys(PurePath(name).name for name in names)]
     except Exception as error:  # the YAML library raises errors of many types
         raise BagError(f'{directory} cannot be read: metadata.yaml: {error_line(error)} Its files '
                        'can be read without it: give them in place of the directory') from None
 
 
-def _names(events: Iterator[Any]) -> Iterable[str]:
-    """
-    Return the names of the files that metadata list, from the first events of the YAML parser.
-
-    What else metadata have is not loaded, which can take minutes for a megabyte of YAML.
-    """
-    depth, last = 0, ''
-    for event in events:
-        kind = type(event).__name__
-        if getattr(event, 'version', None):
-            raise ValueError('it has a directive %YAML')
-        if last == 'relative_file_paths' and kind == 'SequenceStartEvent':
-            break
-        depth += kind.endswith('StartEvent') - kind.endswith('EndEvent')
-        if depth > _DEEPEST:
-            raise ValueError(f'more than {_DEEPEST} values are one within another')
-        last = getattr(event, 'value', '')
-    names: dict[str, None] = {}
-    for event in events:
-        if type(event).__name__ == 'SequenceEndEvent':
-            return names
-        if not isinstance(name := getattr(event, 'value', None), str):
-            raise ValueError('relative_file_paths has an entry that is no name')
-        if (name := PurePath(name).name) in names:
-            raise ValueError(f'it lists {shortened(name)} more than once')
-        names[name] = None
-    raise ValueError(f'no whole list relative_file_paths is in its first {_MOST_VALUES} values')

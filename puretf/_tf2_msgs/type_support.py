@@ -10,43 +10,128 @@ The structs contain pointers to functions. C code calls these functions when a p
 subscription is created, but not for each message. Ctrl-C could interrupt a function that runs
 Python bytecode. Therefore each function is compiled, or is a ctypes callback that only calls a
 compiled function.
+
+The structs have the layout of ROS 2 Jazzy. They are declared in
+rosidl_runtime_c/message_type_support_struct.h, rosidl_runtime_c/type_description/*.h,
+rosidl_typesupport_fastrtps_cpp/message_type_support.h and
+rosidl_typesupport_introspection_c/message_introspection.h. Compare them with these headers before
+you support another distribution of ROS.
 """
 
 from collections.abc import Callable, Iterable
 import ctypes
-from ctypes import c_char_p, c_uint8, c_void_p, POINTER
-from hashlib import sha256
+from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_uint64, c_void_p, POINTER
 from itertools import repeat
-import json
 import operator
 from typing import Any, Optional
 
 from geometry_msgs.msg import Polygon, TransformStamped
 from rclpy.type_support import check_for_type_support
 
-from puretf._tf2_msgs.rosidl_structs import (
-    FastRTPSCallbacks,
-    Field,
-    Fields,
-    FieldType,
-    IndividualTypeDescription,
-    IndividualTypeDescriptions,
-    Member,
-    Members,
-    String,
-    TypeDescription,
-    TypeHash,
-    TypeSource,
-    TypeSources,
-    TypeSupport,
-)
-
 _NAME = 'tf2_msgs/msg/TFMessage'
+#: The hashes of the description below and of that of TransformStamped, as in REP-2011.
+_HASH = 'e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
+_ELEMENT_HASH = '0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206'
 _SOURCE = 'geometry_msgs/TransformStamped[] transforms\n'
 _NESTED_TYPE_UNBOUNDED_SEQUENCE = 145  # rosidl_runtime_c/type_description/field_type__struct.h
-_ROS_TYPE_MESSAGE = 18  # rosidl_typesupport_introspection_c/field_types.h
 _FASTRTPS = b'rosidl_typesupport_fastrtps_c'
 _INTROSPECTION = b'rosidl_typesupport_introspection_c'
+
+
+class String(ctypes.Structure):
+    """The struct rosidl_runtime_c__String; `str()` returns the decoded string."""
+
+    _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
+
+    @classmethod
+    def of(cls, text: str) -> 'String':
+        """Create the struct; Python owns its bytes, so C must not free them."""
+        data = text.encode()
+        return cls(data, len(data), len(data) + 1)
+
+    def __str__(self) -> str:
+        return (self.data or b'').decode()
+
+
+def sequence_of(element: type) -> type:
+    """Create the ctypes class for a rosidl sequence."""
+    fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
+    return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
+        '_fields_': fields, '__iter__': lambda self: (self.data[i] for i in range(self.size))})
+
+
+class FieldType(ctypes.Structure):
+    _fields_ = [('type_id', c_uint8), ('capacity', c_uint64), ('string_capacity', c_uint64),
+                ('nested_type_name', String)]
+
+
+class Field(ctypes.Structure):
+    _fields_ = [('name', String), ('type', FieldType), ('default_value', String)]
+
+
+Fields = sequence_of(Field)
+
+
+class IndividualTypeDescription(ctypes.Structure):
+    _fields_ = [('type_name', String), ('fields', Fields)]
+
+
+IndividualTypeDescriptions = sequence_of(IndividualTypeDescription)
+
+
+class TypeDescription(ctypes.Structure):
+    _fields_ = [('type_description', IndividualTypeDescription),
+                ('referenced_type_descriptions', IndividualTypeDescriptions)]
+
+
+class TypeSource(ctypes.Structure):
+    _fields_ = [('type_name', String), ('encoding', String), ('raw_file_contents', String)]
+
+
+TypeSources = sequence_of(TypeSource)
+
+
+class TypeHash(ctypes.Structure):
+    """The struct rosidl_type_hash_t: the hash of a type description."""
+
+    _fields_ = [('version', c_uint8), ('value', c_uint8 * 32)]
+
+
+class TypeSupport(ctypes.Structure):
+    """The struct rosidl_message_type_support_t: the type support of a message type."""
+
+    _fields_ = [('typesupport_identifier', c_char_p), ('data', c_void_p), ('func', c_void_p),
+                ('get_type_hash_func', c_void_p), ('get_type_description_func', c_void_p),
+                ('get_type_description_sources_func', c_void_p)]
+
+
+class FastRTPSCallbacks(ctypes.Structure):
+    """The struct message_type_support_callbacks_t: a type's name and its Fast RTPS functions."""
+
+    _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
+                *((name, c_void_p) for name in (
+                    'cdr_serialize', 'cdr_deserialize', 'get_serialized_size',
+                    'max_serialized_size', 'key_callbacks'))]
+
+
+class Member(ctypes.Structure):
+    """The struct rosidl_typesupport_introspection_c__MessageMember: a field's memory layout."""
+
+    _fields_ = [('name', c_char_p), ('type_id', c_uint8), ('string_upper_bound', c_size_t),
+                ('members', c_void_p), ('is_key', c_bool), ('is_array', c_bool),
+                ('array_size', c_size_t), ('is_upper_bound', c_bool), ('offset', c_uint32),
+                ('default_value', c_void_p),
+                *((f'{name}_function', c_void_p) for name in (
+                    'size', 'get_const', 'get', 'fetch', 'assign', 'resize'))]
+
+
+class Members(ctypes.Structure):
+    """The struct rosidl_typesupport_introspection_c__MessageMembers: a message's memory layout."""
+
+    _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
+                ('member_count', c_uint32), ('size_of', c_size_t),
+                ('has_any_key_member', c_bool), ('members', POINTER(Member)),
+                ('init_function', c_void_p), ('fini_function', c_void_p)]
 
 
 class _Handle(c_void_p):
@@ -88,47 +173,23 @@ def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
     capsule = message_type.__class__._TYPE_SUPPORT  # type: ignore[attr-defined]
     address = _get_capsule_pointer(capsule, _get_capsule_name(capsule))
     handle = TypeSupport.from_address(address)
-    _expect('the identifier of a type support', b'rosidl_typesupport_c',
-            handle.typesupport_identifier)
     get = ctypes.CFUNCTYPE(c_void_p, c_void_p, c_char_p)(handle.func)
     address = get(address, identifier)
     _expect(f'the type support {identifier.decode()}', True, address is not None)
-    kind = TypeSupport.from_address(address)
-    _expect('the identifier of a type support', identifier, kind.typesupport_identifier)
-    return kind
+    return TypeSupport.from_address(address)
 
 
 def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
-    """Return the description and the sources of a type, after a check of the type's hash."""
+    """Return the description and the sources of TransformStamped, after a check of its hash."""
     address = ctypes.addressof(handle)
-    hash_, description, sources = (
+    type_hash, description, sources = (
         ctypes.CFUNCTYPE(POINTER(layout), c_void_p)(function)(address).contents
         for layout, function in (
             (TypeHash, handle.get_type_hash_func),
             (TypeDescription, handle.get_type_description_func),
             (TypeSources, handle.get_type_description_sources_func)))
-    _expect('the version of a type hash', 1, hash_.version)
-    _expect(f'the hash of {description.type_description.type_name}',
-            _hash_of(description).hex(), bytes(hash_.value).hex())
+    _expect('the hash of TransformStamped', _ELEMENT_HASH, bytes(type_hash.value).hex())
     return description, sources
-
-
-def _hash_of(description: TypeDescription) -> bytes:
-    """Compute the hash of a type description: the SHA-256 of its canonical JSON (REP-2011)."""
-    def plain(individual: IndividualTypeDescription) -> dict[str, Any]:
-        """Convert a description to dicts and lists, with the keys in the order of REP-2011."""
-        return {'type_name': str(individual.type_name), 'fields': [
-            {'name': str(field.name), 'type': {
-                'type_id': field.type.type_id, 'capacity': field.type.capacity,
-                'string_capacity': field.type.string_capacity,
-                'nested_type_name': str(field.type.nested_type_name)}}
-            for field in individual.fields]}
-
-    canonical = {
-        'type_description': plain(description.type_description),
-        'referenced_type_descriptions': [
-            plain(individual) for individual in description.referenced_type_descriptions]}
-    return sha256(json.dumps(canonical).encode()).digest()
 
 
 def _array(sequence: type, elements: Iterable[Any]) -> Any:
@@ -164,7 +225,7 @@ _description = TypeDescription(_itself, _array(IndividualTypeDescriptions, sorte
     key=lambda individual: str(individual.type_name))))
 _sources = _array(TypeSources, (
     TypeSource(String.of(_NAME), String.of('msg'), String.of(_SOURCE)), *_element_sources))
-_hash = TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
+_hash = TypeHash(1, (c_uint8 * 32)(*bytes.fromhex(_HASH)))
 _description_functions = [_constant(value) for value in (_hash, _description, _sources)]
 
 # The functions for rmw_fastrtps. Messages are passed to rmw_fastrtps as bytes, so rmw_fastrtps
@@ -184,9 +245,6 @@ _expect("Polygon's introspection", (b'geometry_msgs__msg', b'Polygon', 1, 24),
         (_members.message_namespace, _members.message_name, _members.member_count,
          _members.size_of))
 _member = Member.from_buffer_copy(_members.members[0])
-_expect("Polygon's member", (b'points', _ROS_TYPE_MESSAGE, True, 0, False, 0),
-        (_member.name, _member.type_id, _member.is_array, _member.array_size,
-         _member.is_upper_bound, _member.offset))
 _member.name = b'transforms'
 _member.members = ctypes.addressof(_element_introspection)
 _members.message_namespace = b'tf2_msgs__msg'

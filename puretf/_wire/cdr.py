@@ -16,11 +16,12 @@ A message is in plain CDR (XCDR1), as every RMW of Jazzy sends it:
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 import struct
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from puretf._core.pose import IDENTITY, Pose, POSE_BYTES, Row
+from puretf._core.pose import Pose, POSE_BYTES, Row
 from puretf._core.times import split
 from puretf._text.times import SECOND
 
@@ -46,14 +47,20 @@ def _pack_name(name: str) -> bytes:
     return struct.pack('<I', len(text) + 1) + text + b'\0'
 
 
+def _padded(names: Iterable[str], position: int) -> Iterator[tuple[bytes, int]]:
+    """Yield both names, each with the size of its padding; frame_id begins at the position."""
+    for name, alignment in zip(names, (4, 8)):
+        packed = _pack_name(name)
+        position += len(packed)
+        padding = -position % alignment
+        position += padding
+        yield packed, padding
+
+
 @lru_cache(maxsize=4096)
 def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
-    """Pack both names, each with its padding; `position` (modulo 8) is where frame_id begins."""
-    packed = b''
-    for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
-        packed += _pack_name(name)
-        packed += bytes(-(position + len(packed)) % alignment)
-    return packed
+    return b''.join(name + bytes(padding)
+                    for name, padding in _padded((frame_id, child_frame_id), position))
 
 
 #: sec, nanosec (which may be received as 10**9 or more), frame_id, child_frame_id, pose.
@@ -78,12 +85,8 @@ def pack_fields(transforms: Iterable[Fields]) -> bytes:
 
 
 def unpack(data: bytes) -> list[Row]:
-    return list(rows(data))
-
-
-def rows(data: bytes) -> Iterator[Row]:
-    for sec, nanosec, frame_id, child_frame_id, pose in fields(data):
-        yield Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+    return [Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+            for sec, nanosec, frame_id, child_frame_id, pose in fields(data)]
 
 
 def fields(data: bytes) -> Iterator[Fields]:
@@ -101,10 +104,7 @@ def fields(data: bytes) -> Iterator[Fields]:
             f'{data[:2].hex(" ")!r}')
     try:
         (count,) = struct.unpack_from(order + 'I', data, 4)
-        if count * _SMALLEST_TRANSFORM > len(data) - 8:
-            raise MalformedMessage(
-                f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
-                'they announce')
+        check_count(count, _SMALLEST_TRANSFORM, len(data) - 4)
         unpack_head = struct.Struct(order + 'iII').unpack_from
         unpack_length = struct.Struct(order + 'I').unpack_from
         unpack_pose = struct.Struct(order + '7d').unpack_from
@@ -122,8 +122,19 @@ def fields(data: bytes) -> Iterator[Fields]:
             yield sec, nanosec, _text(frame_id), _text(child_frame_id), unpack_pose(data, start)
             start += 56
     except struct.error:
-        raise MalformedMessage(
-            f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field') from None
+        raise truncated(data) from None
+
+
+def check_count(count: int, smallest: int, size: int) -> None:
+    """Check a number of transforms, with which a message of a size (bytes) begins."""
+    if count * smallest > size - 4:
+        raise MalformedMessage(f'impossible count: {size} bytes cannot hold the {count} '
+                               'transforms that they announce')
+
+
+def truncated(data: bytes) -> MalformedMessage:
+    return MalformedMessage(
+        f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field')
 
 
 def _text(field: bytes) -> str:
@@ -132,30 +143,23 @@ def _text(field: bytes) -> str:
 
 
 class MessageTemplate:
-    """A template of messages with the same frames, as float64: CDR aligns poses to 8 bytes."""
+    """A template of messages with the same frames."""
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
-        lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
-                   for i, (parent, child) in enumerate(edges)]
-        ends = 4 + np.cumsum(np.array(lengths) + 56)
-        template = pack(Row(0, parent, child, IDENTITY) for parent, child in edges)
-        self._body = np.frombuffer(template, '<f8', offset=4)
-        self._poses_at = ((ends - 56) // 8)[:, np.newaxis] + np.arange(7)
-        self._sec_at = (ends - 56 - lengths) // 4
+        fields, names = layout(edges)
+        self._struct, self._shape = struct.Struct(fields), (len(edges), 7)
+        self._fields: list[Any] = [HEAD, len(edges), *[None] * (4 * len(edges))]
+        self._fields[3::4], self._fields[4::4] = names[::2], names[1::2]
 
     def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
         """Serialise n poses, (n, 7) float64, with one stamp; a ValueError names what is wrong."""
-        sec, nanosec = split(stamp_ns)
-        values: NDArray[np.float64] = np.asarray(poses, np.float64)
-        if values.shape != self._poses_at.shape:
-            raise ValueError(
-                f'poses must be of shape {self._poses_at.shape}, got {values.shape}')
-        body: NDArray[np.float64] = self._body.copy()
-        body[self._poses_at] = values
-        words = body.view('<u4')
-        words[self._sec_at] = sec & 0xFFFFFFFF
-        words[self._sec_at + 1] = nanosec
-        return _ENCAPSULATION + body.tobytes()
+        values = np.asarray(poses, '<f8')
+        if values.shape != self._shape:
+            raise ValueError(f'poses must be of shape {self._shape}, got {values.shape}')
+        data, fields = values.tobytes(), self._fields.copy()
+        fields[2::4] = [_pack_stamp(*split(stamp_ns))] * len(values)
+        fields[5::4] = [data[at:at + POSE_BYTES] for at in range(0, len(data), POSE_BYTES)]
+        return self._struct.pack(*fields)
 
 
 def key(data: bytes) -> bytes:
@@ -205,16 +209,12 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     The format has the head, the number of transforms, and four fields of bytes for each transform:
     the stamp, the two names and the pose.
     """
-    struct_format = '<2s2xI'
-    position = 4
-    names = []
+    struct_format, names, position = '<2s2xI', [], 12
     for edge in edges:
         struct_format += '8s'
-        position += 8
-        for name, alignment in zip(edge, (4, 8)):
-            names.append(_pack_name(name))
-            padding = -(position + len(names[-1])) % alignment
-            struct_format += f'{len(names[-1])}s{padding}x'
-            position += len(names[-1]) + padding
+        for name, padding in _padded(edge, position):
+            names.append(name)
+            struct_format += f'{len(name)}s{padding}x'
         struct_format += f'{POSE_BYTES}s'
+        position = 8
     return struct_format, names

@@ -34,11 +34,6 @@ class Headers:
         self.stamps = array('q')  #: by message: the stamp (ns)
         self.nanosec = 0  #: the largest nanosec of a stamp, which should be less than a second
 
-    def _halve(self) -> None:
-        self.frame_numbers, self.arrivals, self.stamps = (
-            each[::2] for each in (self.frame_numbers, self.arrivals, self.stamps))
-        self.step *= 2
-
     def wants_next(self) -> bool:
         """Count a message; return whether it belongs to the sample."""
         self.count += 1
@@ -53,7 +48,9 @@ class Headers:
         if (number := self._learn(name)) is None:
             return
         if len(self.stamps) >= self._most:
-            self._halve()
+            self.frame_numbers, self.arrivals, self.stamps = (
+                each[::2] for each in (self.frame_numbers, self.arrivals, self.stamps))
+            self.step *= 2
         if 0 <= arrival < 2**63:
             self.frame_numbers.append(number)
             self.arrivals.append(arrival)

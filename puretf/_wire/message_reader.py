@@ -127,15 +127,26 @@ class MessageReader:
 
         Each other message becomes a `Rows` object. The transforms of each child stay in order.
         """
-        joined, read_known = _Joined(authority), self._layouts.read
+        closed: list[BatchOrRows] = []
+        batches: dict[Layout, Batch] = {}
+        read_known, unpack_stamp = self._layouts.read, self._unpack_stamp
         for data in messages:
             # Static transforms must stay in order across all frames.
             parts = None if is_static else read_known(data)
             if parts is not None:
                 layout, stamps, poses = parts
                 if stamps.count(stamps[0]) == len(stamps):
-                    sec, nanosec = self._unpack_stamp(stamps[0])
-                    batch = joined.add(layout, sec * SECOND + nanosec, poses)
+                    sec, nanosec = unpack_stamp(stamps[0])
+                    stamp, batch = sec * SECOND + nanosec, batches.get(layout)
+                    if batch is None or stamp <= batch.stamps[-1] or (
+                            len(batch.poses) >= _FULL_BATCH):
+                        # The order matters only for transforms of the same child.
+                        for other in tuple(batches):
+                            if not layout.names.isdisjoint(other.names):
+                                closed.append(batches.pop(other))
+                        batch = batches[layout] = Batch(layout.parents, layout.children, authority)
+                    batch.stamps.append(stamp)
+                    batch.poses += poses
                     if nanosec >= SECOND:
                         batch.nanosec = nanosec
                     continue
@@ -146,32 +157,7 @@ class MessageReader:
                 continue
             if parts is None and not is_static:
                 self._layouts.learn(data, rows)
-            joined.close().append(Rows(rows, authority, is_static))
-        return joined.close()
-
-
-class _Joined:
-    """Messages of one publisher, joined into batches."""
-
-    def __init__(self, authority: str) -> None:
-        self._authority = authority
-        self._closed: list[BatchOrRows] = []
-        self._open: dict[Layout, Batch] = {}
-
-    def add(self, layout: Layout, stamp: int, poses: tuple[bytes, ...]) -> Batch:
-        batch = self._open.get(layout)
-        if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
-            # The order matters only for transforms of the same child.
-            for other in tuple(self._open):
-                if not layout.names.isdisjoint(other.names):
-                    self._closed.append(self._open.pop(other))
-            batch = self._open[layout] = Batch(layout.parents, layout.children, self._authority)
-        batch.stamps.append(stamp)
-        batch.poses += poses
-        return batch
-
-    def close(self) -> list[BatchOrRows]:
-        """Begin new batches from now on; return all that was added."""
-        self._closed += self._open.values()
-        self._open.clear()
-        return self._closed
+            closed += batches.values()
+            batches.clear()
+            closed.append(Rows(rows, authority, is_static))
+        return [*closed, *batches.values()]

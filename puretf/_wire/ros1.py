@@ -13,12 +13,12 @@ All fields are little-endian, without alignment:
       float64 x 4        rotation, quaternion x y z w
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import struct
 
 from puretf._core.pose import POSE_BYTES, Row
 from puretf._text.times import SECOND
-from puretf._wire.cdr import MalformedMessage, stamp_and_name
+from puretf._wire.cdr import check_count, stamp_and_name, truncated
 
 _FIRST_NAME = 16  # where the first frame_id begins
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
@@ -29,27 +29,20 @@ _unpack_pose = struct.Struct('<7d').unpack_from
 
 
 def unpack(data: bytes) -> list[Row]:
-    return list(rows(data))
-
-
-def rows(data: bytes) -> Iterator[Row]:
+    rows, position = [], 4
     try:
         (count,) = _unpack_length(data)
-        if count * _SMALLEST_TRANSFORM > len(data) - 4:
-            raise MalformedMessage(
-                f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
-                'they announce')
-        position = 4
+        check_count(count, _SMALLEST_TRANSFORM, len(data))
         for _ in range(count):
             sec, nanosec = _unpack_head(data, position)
             frame_id, position = _name(data, position + 12)
             child_frame_id, position = _name(data, position)
-            yield Row(sec * SECOND + nanosec, frame_id, child_frame_id,
-                      _unpack_pose(data, position))
+            rows.append(Row(sec * SECOND + nanosec, frame_id, child_frame_id,
+                            _unpack_pose(data, position)))
             position += POSE_BYTES
     except struct.error:
-        raise MalformedMessage(
-            f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field') from None
+        raise truncated(data) from None
+    return rows
 
 
 def _name(data: bytes, position: int) -> tuple[str, int]:

@@ -2,7 +2,6 @@
 
 import copy
 import importlib.util
-import json
 import pickle
 import sys
 from unittest.mock import patch
@@ -296,13 +295,12 @@ def imported_anew(name):
 
 
 @made_at_run_time
-@pytest.mark.parametrize(('change', 'error'), [
-    ((msg, 'Polygon', msg.Point32), r"expected .*, found \(b'geometry_msgs::msg', b'Point32'\)"),
-    ((json, 'dumps', lambda _: ''),
-     'the hash of geometry_msgs/msg/TransformStamped is not as in ROS 2 Jazzy: expected ')])
-def test_a_mismatch_is_an_import_error(monkeypatch, change, error):
+@pytest.mark.parametrize(('name', 'error'), [
+    ('Polygon', r"expected .*, found \(b'geometry_msgs::msg', b'Point32'\)"),
+    ('TransformStamped', "the hash of TransformStamped is not as in ROS 2 Jazzy: expected '0a24")])
+def test_a_mismatch_is_an_import_error(monkeypatch, name, error):
     """If geometry_msgs is not that of Jazzy, the error says what was expected and found."""
-    monkeypatch.setattr(*change)
+    monkeypatch.setattr(msg, name, msg.Point32)
     with pytest.raises(ImportError, match=error):
         imported_anew('puretf._tf2_msgs.type_support')
 

@@ -12,7 +12,7 @@ from functools import cache
 import json
 import logging
 from math import isfinite
-from pathlib import Path, PurePath
+from pathlib import Path
 import pickle
 import random
 import shutil
@@ -29,11 +29,8 @@ import bags
 from environment import DATA
 from messages import golden_messages
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from puretf import TransformBuffer, TransformException
-from puretf._bag.recordings import _names
 from puretf._core import insertion
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
@@ -181,7 +178,7 @@ def check_cdr(data: bytes) -> None:
         # The other way round: of plain CDR, nothing is refused that others read.
         assert _read_by_rosbags(data, 2, TF_BYTES) is None, 'rosbags reads it'
         return
-    assert [*cdr.rows(data)] or not ours
+    assert cdr.unpack(data) or not ours
     answer = _read_by_rosbags(data, 2, TF_BYTES)
     assert answer, 'rosbags does not read it'
     raw = [_fields(each) for each in answer[0]]
@@ -577,14 +574,9 @@ _BAG_MESSAGES = [
     *(('/tf', (100 + i) * S, [Row((100 + i) * S, 'odom', 'base_link', (i, *bags.STILL[1:])),
                               Row((100 + i) * S, 'base_link', 'tool', bags.STILL)])
       for i in range(3))]
-KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'mcap bit', 'metadata')
+KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'mcap bit')
 #: The largest decompressed size that is allowed (bytes).
 _MAX_BYTES = 2**22
-#: Pieces of YAML in metadata.
-_YAML = ('\n', '\n  ', ' ', '\t', '- ', '-', '? ', '?', ': ', ':', ', ', ',', '[', ']', '{', '}',
-         '&a', '*a', '&b ', '*b ', '!', '!!set ', '!<t> ', '<<', '<<: ', '"', "'", '|', '>', '#',
-         '---', '--- ', '...', '%TAG ! !\n', '%YAML 1.1\n', '\x85', '\u2028', '\ufeff', '\r', 'a',
-         'b', '=', '\\', 'a: &a [b]\n', 'b: {<<: *a}\n', '? *a\n', '"a":*a', 'k: [*a, *a]\n')
 _INTERESTING = (b'\0', b'\xff', b'\0' * 8, b'\xff' * 8, b'\x7f\xff\xff\xff', b'\xff\xff\xff\x7f')
 
 
@@ -660,17 +652,6 @@ def _check_bit(path: Path, source: Input) -> None:
     bags.content(path, True)
 
 
-def _check_yaml(source: Input) -> None:
-    """Rule: the files that metadata list are those that ruamel loads, or they are refused."""
-    text = ''.join(source.choice(_YAML) for _ in range(source.integer(60)))
-    text = f'relative_file_paths:{text}'
-    with suppress(ValueError, YAMLError, RecursionError):
-        names = [*_names(YAML(typ='safe').parse(text))]
-        with suppress(YAMLError):  # in what follows the list
-            loaded = YAML(typ='base', pure=True).load(text)['relative_file_paths']
-            assert names == [PurePath(name).name for name in loaded], text
-
-
 def check_bags(data: bytes) -> None:
     """Change bytes of a bag and read it: it is read, or a BagError says in one line why not."""
     source = Input(data)
@@ -679,9 +660,6 @@ def check_bags(data: bytes) -> None:
     try:
         if kind == 'mcap bit':
             _check_bit(path, source)
-            return
-        if kind == 'metadata':
-            _check_yaml(source)
             return
         if kind == 'mcap chunk':
             method = source.choice(('', 'lz4', 'zstd'))

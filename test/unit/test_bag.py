@@ -1,8 +1,9 @@
 """TF read from bags: of every kind, with the oddities of real ones, damaged, and within limits."""
 
 from contextlib import closing, suppress
+from functools import partial as partial_of
 from io import StringIO
-from itertools import count, cycle, islice
+from itertools import cycle, product
 import os
 import random
 import re
@@ -15,8 +16,6 @@ from types import SimpleNamespace
 from typing import Any
 
 from environment import on_unix
-from hypothesis import given
-from hypothesis import strategies as st
 import pytest
 
 from puretf import bag, TransformBuffer
@@ -118,34 +117,6 @@ def test_decoded_messages(tmp_path, kind):
     assert decoded(path, 'none') == []
 
 
-def test_decoded_messages_of_a_bag_that_is_cut_off(tmp_path):
-    """With `partial`, those that can be read."""
-    path = bags.mcap(
-        tmp_path / 'a.mcap', bags.mcap_channel('/robot_description', msgtype=bags.STRING),
-        bags.mcap_message(bags.string('robot')), bags.mcap_message(bags.string('later')))
-    path.write_bytes(path.read_bytes()[:-60])
-    assert decoded(path, 'robot_description', partial=True) == [('/robot_description', 'robot')]
-    with pytest.raises(BagError, match='partial'):
-        decoded(path, 'robot_description')
-
-
-@pytest.mark.parametrize('kind', PLAIN)
-def test_messages_of_odd_bags(tmp_path, kind):
-    """What `read` refuses, `messages` refuses, too; a damaged message is left to the caller."""
-    path = bags.make(tmp_path, kind, [('/robot/tf', S, [bags.row(S, 'map', 'odom')])])
-    assert len([*bags.messages(path, namespace='robot')]) == 1
-    with pytest.raises(BagError, match='in the namespace /robot'):
-        next(bags.messages(path))
-    with pytest.raises(FileNotFoundError):
-        next(bags.messages(tmp_path / 'missing'))
-    with pytest.raises(ZeroDivisionError):
-        next(bags.messages(path, namespace='robot', on_progress=lambda done: 1 / 0))
-    nonsense = tmp_path / 'nonsense'
-    (message,) = bags.messages(bags.make(nonsense, kind, [('/tf', S, b'nonsense')]))
-    with pytest.raises(ValueError, match=r'they announce|unknown encoding'):
-        message.rows()
-
-
 def read_topics(path, **kwargs):
     """Read a bag; return the number of TF messages, and the topics."""
     with bag.open(path, **kwargs) as opened:
@@ -174,7 +145,6 @@ def test_headers_of_other_topics(tmp_path, logs, kind):
 
 
 @pytest.mark.parametrize(('definition', 'frames'), [
-    ('std_msgs/Header header\nfloat64 x', {'laser'}),
     ('# a comment\n\nuint8 A=1\nstd_msgs/msg/Header header # first', {'laser'}),
     ('float64 x\nstd_msgs/Header header', set()),
     ('uint8 A=1\n' + '=' * 80 + '\nMSG: std_msgs/Header\nstd_msgs/Header x', set()),
@@ -183,10 +153,7 @@ def test_headers_of_other_topics(tmp_path, logs, kind):
     ('module my { module msg { struct Thing { double x; std_msgs::msg::Header y; }; }; };',
      set()),
     ('module my { module msg { struct Other { double x; }; }; };', None),
-    ('module my { module msg { struct Thing { ' + '@a ' * 10_000 + 'x y; }; }; };', set()),
     ('module my { union Thing switch (long) {}; };', None),  # not understood
-    ('string<=10 name\nstd_msgs/Header header', set()),
-    ('uint8[<=3] A\nuint8 B = 1\nstd_msgs/Header header', set()),
     ('', None),  # an unknown type
 ])
 def test_definitions_of_types(tmp_path, definition, frames):
@@ -205,7 +172,7 @@ def test_definitions_of_types(tmp_path, definition, frames):
     "UPDATE topics SET offered_qos_profiles = '- history: 3'",
     "UPDATE topics SET offered_qos_profiles = '[}'",
     'ALTER TABLE topics DROP offered_qos_profiles',
-    'UPDATE schema SET schema_version = 3; DROP TABLE message_definitions'])
+    ])
 def test_parts_of_a_database_that_are_optional(tmp_path, statement):
     """Where definitions are missing, those of rosbags are used; the QoS may be incomplete."""
     path = bags.make(tmp_path, 'db3', [
@@ -303,14 +270,6 @@ def test_publishers_of_one_frame(tmp_path):
     assert buffer.lookup_transform('map', 'hand', 100 * S).translation[0] == 2.0
 
 
-def test_two_publishers_of_one_frame_and_a_short_cache(tmp_path, logs):
-    """Messages that are in order in the bag are not discarded as too old."""
-    read(bags.make(tmp_path, 'bag', [
-        ('/tf', 100 * S + i * S // 10, [bags.row(100 * S + i * S // 10, 'map', 'odom')], bags.TF,
-         f'/node_{i % 2}') for i in range(400)]), cache_time=5 * S)
-    assert not logs
-
-
 def test_the_cache_is_as_long_as_the_bag_by_default(tmp_path):
     """All samples are kept, however far apart their stamps are, unless cache_time limits them."""
     path = bags.make(tmp_path, 'mcap', [
@@ -352,23 +311,6 @@ def test_times_in_no_order(tmp_path, kind):
         for stamp, parent, child, pose in rows if topic != '/text' else ():
             buffer.insert(stamp, parent, child, pose, 'not recorded', topic == '/tf_static')
     assert read(bags.make(tmp_path, kind, content)).dump() == buffer.dump()
-
-
-def test_times_in_no_order_in_a_chunk_without_an_index(tmp_path):
-    """The messages of one chunk are inserted by time."""
-    still = [bags.mcap_message([bags.row(0, 'map', 'still', at(time))], time)
-             for time in (3, 5, 4)]
-    path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_chunk(
-        bags.mcap_channel('/tf_static') + b''.join(still)))
-    for partial in False, True:
-        assert read(path, partial=partial).lookup_transform('map', 'still').translation[0] == 5.0
-
-
-def test_what_tf2_refuses_is_refused(tmp_path, logs):
-    """The warning has the words of tf2's log and names the publisher."""
-    read(bags.make(tmp_path, 'bag', [*bags.walk(1), (
-        '/tf', 102 * S, [bags.row(102 * S, 'odom', 'odom')], bags.TF, '/culprit')]))
-    assert 'TF_SELF_TRANSFORM: Ignoring transform from authority "/culprit"' in messages(logs)
 
 
 # Paths, files and metadata
@@ -473,22 +415,11 @@ def test_what_is_no_bag(tmp_path, partial):
     assert outcome([], partial=partial) == 'no path of a bag is given'
 
 
-def test_a_database_of_something_else(tmp_path):
-    """The error names the file, and says that it is not of rosbag2."""
-    change(tmp_path / 'x.db3', 'CREATE TABLE friends (name TEXT)')
-    assert 'x.db3 cannot be read: it is no database of rosbag2 (no such table: topics). If' in (
-        outcome(tmp_path / 'x.db3'))
-
-
 @on_unix
-@pytest.mark.parametrize('name', ['pipe', 'x.db3'])
-def test_a_pipe_is_no_bag(tmp_path, name):
+def test_a_pipe_is_no_bag(tmp_path):
     """A pipe is refused, since reading it might never end."""
-    path = bags.make(tmp_path / 'x', 'db3', bags.walk(1))
-    (path / name).unlink(missing_ok=True)
-    os.mkfifo(path / name)
-    assert 'it is no file' in outcome(
-        path / name if name == 'pipe' else path)
+    os.mkfifo(tmp_path / 'pipe')
+    assert 'it is no file' in outcome(tmp_path / 'pipe')
 
 
 def test_a_database_that_was_not_closed(tmp_path):
@@ -507,61 +438,26 @@ def test_a_database_that_was_not_closed(tmp_path):
     assert 200 * S in [frame.latest for frame in read(killed / 'robot.db3').frames()]
 
 
-#: A remedy in the errors of metadata.
-WITHOUT = 'Its files can be read without it: give them in place of the directory'
-
-
-def test_metadata_that_cannot_be_read(tmp_path):
-    """They are an error, whose remedy is to read the files."""
-    for number, (new, why) in enumerate([
-            # Long metadata are not parsed, since that would take minutes.
-            ('#' * 1_000_000, 'it has more than 1000000 bytes.'), ('"', '')]):
-        path = bags.make(tmp_path / str(number), 'mcap message', bags.walk(1))
-        metadata = path / 'metadata.yaml'
-        metadata.write_text(metadata.read_text().replace('rosbag2_bagfile_information', new))
-        error = outcome(path)
-        assert error.startswith(f'{path} cannot be read: metadata.yaml: {why}')
-        assert error.endswith(WITHOUT)
-        assert '\n' not in error
-        assert len(read(bags.file_of(path)).frames()) == 2
-
-
-#: Nine levels of ten merge keys each: loading it takes a thousand million copies.
-ENDLESS = 'a0: &a0 {k: v}\n' + ''.join(
-    f'a{i}: &a{i}\n  <<: [{", ".join([f"*a{i - 1}"] * 10)}]\n' for i in range(1, 10))
-
-
-@pytest.mark.parametrize(('before', 'names', 'why'), [
-    (ENDLESS, '[x.mcap]', ''), ('', '[&a x.mcap]', ''), ('', '["x.\\x6dcap"]', ''),
-    ('n: 1' + ':2' * 450_000, '[x.mcap]', ''),
-    ('%YAML 1.1\n---\nn: 1' + ':2' * 450_000, '[x.mcap]', 'it has a directive %YAML'),
-    ('', '[x.mcap' + ', x.mcap' * 80_000 + ']', 'it lists x.mcap more than once'),
-    ('', '[x.mcap, other/x.mcap]', 'it lists x.mcap more than once'),
-    ('a: &a x.mcap', '[*a]', 'relative_file_paths has an entry that is no name'),
-    ('', '[[x.mcap]]', 'relative_file_paths has an entry that is no name'),
-    ('', 'x.mcap', 'no whole list relative_file_paths is in its first 20000 values'),
-    (f'a: [{"1," * 400_000}]', '[x]', 'no whole list relative_file_paths is in its first 20000 '
-     'values'),
-    (f'a: {"[" * 400_000}', '[x]', 'more than 20 values are one within another')],
-    ids=lambda text: text[:20])
-def test_long_or_odd_metadata(tmp_path, before, names, why):
-    """The list of files is read, and nothing else; what rosbag2 never writes in it is refused."""
+@pytest.mark.parametrize(('listed', 'why'), [
+    ('\n    # of a robot\n    - x.mcap\n  files:\n    - path: "', ''),
+    (' ["other/x.\\x6dcap"]', ''), ('\n- x.mcap', ''), (' "', ''), *(
+        (listed, 'it has no list of names, relative_file_paths')
+        for listed in (' x.mcap', ' [[x.mcap]]', 's: [x.mcap]'))])
+def test_odd_metadata(tmp_path, listed, why):
+    """The list of files is read, and nothing else; if it cannot be read, the files can."""
     path = bags.make(tmp_path / 'x', 'mcap', bags.walk(1))
-    (path / 'metadata.yaml').write_text(
-        f'{before}\nrosbag2_bagfile_information: {{relative_file_paths: {names}}}\n')
-    assert outcome(path) == (
-        f'{path} cannot be read: metadata.yaml: {why}. {WITHOUT}' if why else
-        ['odom', 'base_link'])
+    (path / 'metadata.yaml').write_text(f'a: "\nrelative_file_paths:{listed}\n')
+    found = outcome(path)
+    if not why and listed != ' "':
+        assert found == ['odom', 'base_link']
+    else:
+        assert found.startswith(f'{path} cannot be read: metadata.yaml: {why}')
+        assert found.endswith(
+            'Its files can be read without it: give them in place of the directory')
+    assert len(read(bags.file_of(path)).frames()) == 2
 
 
-@pytest.mark.parametrize('name', ['lab & office', 'what!', '2<<3', 'pick-&-place', 'a*b'])
-def test_names_in_metadata(tmp_path, name):
-    """The characters that begin references in YAML are allowed within a name."""
-    path = bags.make(tmp_path / name, 'mcap', bags.walk(1))
-    assert len(read(path).frames()) == 2
-
-
-@pytest.mark.parametrize('module', ['rosbags', 'lz4', 'ruamel'])
+@pytest.mark.parametrize('module', ['rosbags', 'ruamel'])
 def test_a_library_that_is_missing(tmp_path, monkeypatch, module):
     """The error says how to install it; it is not damage of the bag."""
     path = bags.make(tmp_path, 'mcap', bags.walk(1))
@@ -628,40 +524,15 @@ def test_a_file_that_was_cut_off(tmp_path, logs, kind):
     assert lengths[-1] > (1000 if kind == 'mcap' else 0)
 
 
-@pytest.fixture(scope='module')
-def small_bags(tmp_path_factory):
-    """A small bag of each kind."""
-    directory = tmp_path_factory.mktemp('bags')
-    return {kind: bags.make(directory, kind, bags.walk(5)) for kind in KINDS}
-
-
-@given(kind=st.sampled_from(KINDS), at=st.integers(0, 2**16),
-       new=st.binary(min_size=1, max_size=8), partial=st.booleans())
-def test_a_damaged_file(small_bags, kind, at, new, partial):
-    """Wherever bytes are damaged, the only error is a BagError with a text of one line."""
-    path = small_bags[kind]
-    file = bags.file_of(path)
-    whole = file.read_bytes()
-    damaged = bytearray(whole)
-    at %= len(whole)
-    damaged[at:at + len(new)] = new
-    file.write_bytes(damaged)
-    try:
-        assert '\n' not in outcome(path, partial=partial)
-    finally:
-        file.write_bytes(whole)
-
-
 HEADER = bags.mcap_channel() + bags.mcap_chunk(bags.mcap_channel() + bags.mcap_message(
     [bags.row(S, 'map', 'before')], S))
 TRAILER = bags.mcap_chunk(bags.mcap_message([bags.row(S, 'map', 'after')], S))
 CHECKSUM = 'the size or the checksum of a chunk is wrong'
 DAMAGES = {
-    'checksum': (bags.mcap_chunk(bags.mcap_message([], S), crc=7), CHECKSUM),
     'zstd': (bags.mcap_chunk(bytes(99), 'zstd').replace(b'\x28\xb5', b'\x28\xb6'),
              'Unable to decompress'),
     'length': (bags.mcap_chunk(bags.mcap_record(5, b'1')),
-               'a message record of 1 bytes is shorter than its fields')}
+               'a record of 1 bytes is shorter than its fields')}
 
 
 @pytest.mark.parametrize('damage', DAMAGES)
@@ -731,23 +602,6 @@ def test_values_of_a_database_that_are_no_messages_or_topics(tmp_path, logs):
     assert sum(map(int, skipped)) == len(values)
 
 
-#: Wrong values in a database, by the column: in SQL, and as an error shows them.
-WRONG = {
-    ('messages', 'timestamp'): {
-        '9e999': 'inf', '-9e999': '-inf', '1e30': '1e+30', '1.5': '1.5', '-5': '-5',
-        'NULL': 'None', "'noon'": "'noon'", "X'41'": "b'A'", "CAST(X'ff' AS TEXT)": "'\ufffd'"},
-    ('messages', 'topic_id'): {'9': '9', 'NULL': 'None', "'tf'": "'tf'", '9e999': 'inf'},
-    ('topics', 'id'): {'NULL': '(None, ', "'1; 2'": "('1; 2', "},
-    ('topics', 'name'): {'NULL': ', None, ', "X'41'": ", b'A', "}}
-WHY_WRONG = {
-    'timestamp': 'a message has the time {}, which is not a number of nanoseconds from 0 to '
-                 r'2\*\*63 - 1; the program sqlite3 can delete such messages\.',
-    'topic_id': 'a message has the topic {}, which is not in its table topics; the program '
-                r'sqlite3 can delete such messages\.',
-    'id': r'its table topics has the row {}.*\), which is not a number and texts\.',
-    'name': r'its table topics has the row \(\d{}.*\), which is not a number and texts\.'}
-
-
 def changed_database(folder, *statements):
     """Return a database without constraints that was changed by SQL."""
     path = bags.file_of(bags.make(folder, 'db3', bags.walk(3)))
@@ -757,26 +611,30 @@ def changed_database(folder, *statements):
     return path
 
 
-@pytest.mark.parametrize(('table', 'column', 'value', 'shown'), [
-    (*key, *each) for key, values in WRONG.items() for each in values.items()])
-def test_wrong_values_of_a_database(tmp_path, table, column, value, shown):
+@pytest.mark.parametrize(('change', 'why'), [
+    *((f'UPDATE messages SET timestamp = {value} WHERE id = {number}',
+       f'its table messages has {shown}, not a topic of its table topics and nanoseconds from 0 '
+       'on; the program sqlite3 can delete such rows. If it is damaged, ') for number, value, shown
+      in [(1, '9e999', 'times from 100001000000 to inf'),
+          (1, '-5', 'times from -5 to 103001000000'),
+          (3, 'NULL', 'the topic 2 and the time None'),
+          (3, '100101000000.5', 'the topic 2 and the time 100101000000.5')]),
+    ("UPDATE messages SET topic_id = 'tf' WHERE id = 1",
+     "its table messages has the topic 'tf' and "),
+    ("UPDATE topics SET id = '1; 2'", "its table topics has the row ('1; 2', "),
+    ("UPDATE topics SET name = X'41' WHERE id = 1", "its table topics has the row (1, b'A', "),
+    *((f'ALTER TABLE {table} RENAME COLUMN {column} TO other',
+       f'it is no database of rosbag2 (no such column: {column}). If') for table, column in [
+          ('topics', 'id'), ('topics', 'type'), ('messages', 'timestamp')]),
+    ('DROP TABLE topics', 'it is no database of rosbag2 (no such table: topics). If')])
+def test_wrong_values_of_a_database(tmp_path, change, why):
     """The error has the value and the remedy; with partial=True, no such value is taken."""
-    path = changed_database(tmp_path, f'UPDATE {table} SET {column} = {value} WHERE id = 1')
-    why = WHY_WRONG[column].format(re.escape(shown))
-    assert re.fullmatch(rf'{path} cannot be read: {why} If it is damaged, .*', outcome(path))
+    path = changed_database(tmp_path, change)
+    assert outcome(path).startswith(f'{path} cannot be read: {why}')
     with bag.open(path, partial=True) as found:
         with suppress(BagError):
             assert all(type(message.time) is int for message in found.messages())
         assert type(found.begin) is type(found.end) is int
-
-
-@pytest.mark.parametrize(('table', 'column'), [
-    ('topics', 'id'), ('topics', 'type'), ('messages', 'timestamp')])
-def test_a_column_that_a_database_lacks(tmp_path, table, column):
-    """The error names it."""
-    path = changed_database(tmp_path, f'ALTER TABLE {table} RENAME COLUMN {column} TO other')
-    assert (f'{path} cannot be read: it is no database of rosbag2 (no such column: {column}). If'
-            ) in outcome(path)
 
 
 def test_a_database_with_a_damaged_schema(tmp_path):
@@ -797,33 +655,7 @@ def test_a_database_whose_log_cannot_be_read(tmp_path):
             'directory in which you can write. If') in outcome(path)
 
 
-def test_a_database_without_an_index(tmp_path):
-    """SQLite sorts its messages."""
-    path = bags.file_of(bags.make(tmp_path, 'db3', [
-        ('/tf', time, [bags.row(time, 'map', 'odom')]) for time in (3, 1, 2)]))
-    assert [message.time for message in bags.messages(path)] == [1, 2, 3]
-    change(path, 'DROP INDEX timestamp_idx')
-    assert [message.time for message in bags.messages(path)] == [1, 2, 3]
-
-
 # Files of mcap that rosbags does not read, or reads in part
-
-
-def by_mcap(path, messages=None, profile='ros2', metadata=None, index='ALL', chunk_size=2000,
-            **options):
-    """Write a walk, or other messages of TF, by mcap's own writer."""
-    from mcap.writer import IndexType, Writer
-    with path.open('wb') as file:
-        writer = Writer(file, chunk_size, index_types=IndexType[index], **options)
-        writer.start(profile)
-        schema = writer.register_schema(bags.TF, 'ros2msg', b'TransformStamped[] transforms')
-        channels = {topic: writer.register_channel(topic, 'cdr', schema, metadata or {})
-                    for topic in ('/tf_static', '/tf')}
-        for topic, time, content in messages or bags.walk():
-            writer.add_message(channels[topic], time, content if isinstance(content, bytes) else
-                               bags.ros2(content), time)
-        writer.finish()
-    return path
 
 
 #: With these options, a file has a footer with a checksum, and no summary.
@@ -833,18 +665,16 @@ NO_SUMMARY: dict[str, Any] = {
 
 
 @pytest.mark.parametrize('options', [
-    {}, {'profile': ''}, {'profile': 'px4'}, {'use_statistics': False},
-    {'use_summary_offsets': False}, {'repeat_channels': False}, {'repeat_schemas': False},
-    {'use_chunking': False}, {'index': 'NONE'}, {'use_statistics': False, 'index': 'NONE'},
-    NO_SUMMARY,
+    {}, {'use_statistics': False}, {'use_summary_offsets': False}, {'repeat_channels': False},
+    {'repeat_schemas': False}, {'use_chunking': False}, {'index': 'NONE'}, NO_SUMMARY,
     {'index': 'CHUNK'},  # rosbags counts messages by another index, and would skip such chunks
     {'use_statistics': False, 'repeat_channels': False, 'repeat_schemas': False}],
     ids=str)
 def test_parts_of_mcap_that_are_optional(tmp_path, logs, options):
     """No message is lost if a file has no index or repeats no channels in it."""
-    path = by_mcap(tmp_path / 'x.mcap', **options)
+    path = bags.checked_mcap(tmp_path / 'x.mcap', **options)
     for partial in False, True:
-        assert [frame.length for frame in read(path, partial=partial).frames()] == [1, 101]
+        assert [frame.length for frame in read(path, partial=partial).frames()] == [1, 6]
     assert not logs
 
 
@@ -860,9 +690,9 @@ def test_an_mcap_file_of_ros1(tmp_path):
 @pytest.mark.parametrize('count', [1, -1], ids=['one schema', 'all schemas'])
 def test_schemas_that_are_unknown(tmp_path, count):
     """A schema of another kind does not keep transforms from being read."""
-    path = by_mcap(tmp_path / 'x.mcap', use_chunking=False, enable_crcs=False)
+    path = bags.checked_mcap(tmp_path / 'x.mcap', use_chunking=False, enable_crcs=False)
     path.write_bytes(path.read_bytes().replace(b'ros2msg', b'protobf', count))
-    assert [frame.length for frame in read(path).frames()] == [1, 101]
+    assert [frame.length for frame in read(path).frames()] == [1, 6]
 
 
 def test_a_message_outside_of_the_chunks(tmp_path):
@@ -872,27 +702,27 @@ def test_a_message_outside_of_the_chunks(tmp_path):
     for partial in False, True:
         assert sorted(outcome(path, partial=partial)) == ['before', 'outside']
     bags.mcap(path, bags.mcap_message([bags.row(S, 'map', 'outside')], S))
-    assert 'a message that is not in a chunk has no channel' in outcome(path)
+    assert 'a message has no channel' in outcome(path)
 
 
 def flipped(path, at):
-    """Flip the lowest bit of a byte of a file."""
+    """Flip a bit of a byte of a file."""
     data = bytearray(path.read_bytes())
-    data[at] ^= 1
+    data[at] ^= 64
     path.write_bytes(data)
 
 
-@pytest.mark.parametrize('part', [b'/tf', b'TFMessage', b'/tf_static', b'cdr', b'\x0b', b'\2\x14'])
+@pytest.mark.parametrize('part', [b'/tf', b'cdr', b'\x0b'])
 def test_a_bit_of_the_summary(tmp_path, logs, part):
     """It is an error; with partial=True, all is read without the summary."""
-    path = by_mcap(tmp_path / 'x.mcap')
+    path = bags.checked_mcap(tmp_path / 'x.mcap')
     data = path.read_bytes()
     (start,) = struct.unpack_from('<Q', data, len(data) - 28)
-    flipped(path, data.index(part, start) + len(part) - 1 + 10 * (part == b'\2\x14'))
+    flipped(path, data.index(part, start) + len(part) - 1)
     assert outcome(path) == (
         f'{path} cannot be read: the checksum of its summary is wrong. If it is damaged or cut '
         'off, partial=True reads what is left')
-    assert [frame.length for frame in read(path, partial=True).frames()] == [1, 101]
+    assert [frame.length for frame in read(path, partial=True).frames()] == [1, 6]
     assert 'the checksum of its summary is wrong' in messages(logs)
 
 
@@ -918,14 +748,20 @@ def test_a_bit_that_no_checksum_covers(tmp_path, kind, begin, end, options):
     assert bags.flips(path, (8 * at + at % 8 for at in heads(path.read_bytes(), kind, begin, end)))
 
 
-def test_a_message_index_that_contradicts_the_summary(tmp_path, logs):
-    """It is an error; with partial=True, the chunk is read."""
-    path = bags.checked_mcap(tmp_path / 'x.mcap')
+@pytest.mark.parametrize(('kind', 'at', 'index', 'why', 'is_all_read'), [
+    (7, 9, 'ALL', 'as the chunk index in its summary says', True),
+    (6, 0, 'ALL', 'as the chunk index in its summary says', False),
+    (6, 0, 'NONE', 'its statistics announce 28 messages, but 23 were found, or', False)])
+def test_what_contradicts_the_summary(tmp_path, logs, kind, at, index, why, is_all_read):
+    """A message index, or a chunk that is not recognised; with partial=True, all others count."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap', index=index)
     whole, data = bags.content(path), path.read_bytes()
-    flipped(path, heads(data, 7, 9, 10)[-1])
-    assert 'as the chunk index in its summary says' in bags.content(path)
-    assert bags.content(path, partial=True) == whole
-    assert 'as the chunk index in its summary says' in messages(logs)
+    flipped(path, heads(data, kind, at, at + 1)[-1])
+    assert why in bags.content(path)
+    found = bags.content(path, partial=True)
+    assert (found == whole) is is_all_read
+    assert len(found[0]) in (6, 7)
+    assert why in messages(logs)
 
 
 def test_statistics_that_contradict_the_messages(tmp_path):
@@ -934,8 +770,6 @@ def test_statistics_that_contradict_the_messages(tmp_path):
     data = bytearray(path.read_bytes())
     for at in heads(data, 6, 33, 34):
         data[at:at + 4] = bytes(4)  # no checksum
-    path.write_bytes(data)
-    assert len(bags.content(path)[0]) == 7
     (message, *_) = re.finditer(rb'\x05.\0{7}\x02\0', data, re.DOTALL)  # of /tf
     data[message.end() - 2] = 3  # of /chatter
     path.write_bytes(data)
@@ -952,7 +786,7 @@ def test_records_that_are_shorter_than_their_fields(tmp_path, kind, where):
         path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(), *(
             [record, whole] if where == 'file' else [bags.mcap_chunk(record + whole)]))
         if where == 'file' or kind <= 5:
-            assert f' record of {size} bytes is shorter than its fields.' in outcome(path)
+            assert f'a record of {size} bytes is shorter than its fields.' in outcome(path)
         else:
             assert outcome(path) == ['odom']
 
@@ -966,50 +800,22 @@ def test_fields_behind_the_known_ones(tmp_path):
     assert outcome(path) == ['odom']
 
 
-def test_a_summary_that_is_nearly_the_whole_file(tmp_path):
-    """Its checksum is computed piece by piece."""
-    path = tmp_path / 'x.mcap'
-    path.write_bytes(b'\x89MCAP0\r\n' + bytes(2 * BOMB) + bags.mcap_record(
-        2, struct.pack('<QQI', 8, 0, 7)) + b'\x89MCAP0\r\n')
-    assert_refused_early(path, 'the checksum of its summary is wrong')
-
-
 @pytest.mark.parametrize('kind', [3, 4, 5, 8, 11])
 def test_a_record_that_is_larger_than_the_limit(tmp_path, kind):
     """It is refused before it is read."""
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(), bags.mcap_record(
         kind, struct.pack('<HIQQ', 1, 0, S, S) + bytes(BOMB)))
-    assert_refused_early(path, f'a record of {BOMB + 22 * (kind != 5)} bytes', max_bytes=LIMIT)
+    assert_refused_early(path, f'a record takes {BOMB + 22} bytes', max_bytes=LIMIT)
 
 
 @pytest.mark.parametrize('repeat_channels', [True, False])
 def test_a_bit_of_a_chunk(tmp_path, logs, repeat_channels):
     """It is an error, with an index and without; with partial=True, the others are read."""
-    from mcap.writer import CompressionType
-    path = by_mcap(tmp_path / 'x.mcap', repeat_channels=repeat_channels,
-                        compression=CompressionType.NONE)
+    path = bags.checked_mcap(tmp_path / 'x.mcap', repeat_channels=repeat_channels)
     flipped(path, path.read_bytes().rindex(b'base_link'))
     assert f'cannot be read: {CHECKSUM}' in outcome(path)
-    assert 80 < read(path, partial=True).frames()[1].length < 101
+    assert 3 < read(path, partial=True).frames()[1].length < 6
     assert CHECKSUM in messages(logs)
-
-
-def test_a_chunk_that_is_not_recognised(tmp_path):
-    """The statistics tell that one is missing, which another kind of record hides."""
-    path = by_mcap(tmp_path / 'x.mcap')
-    data = path.read_bytes()
-    chunks = [found.start() for found in re.finditer(rb'\x06.{7}\0', data, re.DOTALL)
-              if data[found.end() + 28:].startswith(b'\4\0\0\0zstd')]
-    path.write_bytes(data[:chunks[1]] + b'\x46' + data[chunks[1] + 1:])
-    assert f'it has {len(chunks) - 1} chunks, not {len(chunks)}' in outcome(path)
-    assert 80 < read(path, partial=True).frames()[1].length < 101
-
-
-def test_a_bomb_without_an_index(tmp_path):
-    """Chunks are not decompressed before their sizes are known."""
-    path = by_mcap(tmp_path / 'x.mcap', [('/tf', S, bytes(BOMB))], index='NONE',
-                   chunk_size=2 * BOMB, repeat_schemas=False)
-    assert_refused_early(path, f'more than the limit of {LIMIT}', max_bytes=LIMIT)
 
 
 # Progress, and what ends the reading
@@ -1049,35 +855,26 @@ def test_progress_is_called_back(tmp_path, kind):
 
     parts: list[float] = []
     read(bags.make(tmp_path, kind, content()), on_progress=parts.append)
-    assert len(parts) > 10
+    assert len(parts) > 5
     assert parts == sorted(parts)
     assert parts[0] == 0.0
     assert parts[-1] == 1.0
 
 
-@pytest.mark.parametrize('kind', KINDS)
-def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
+@pytest.mark.parametrize(('kind', 'error'), [*zip(KINDS, cycle([
+    KeyboardInterrupt(), ValueError('enough'), EOFError(), BagError('mine'), ImportError('mine'),
+    sqlite3.DatabaseError('mine')]))])
+def test_what_the_callback_raises_ends_the_reading(tmp_path, kind, error):
     """read() raises the same exception, also if its type is one by which damage is detected."""
-    def fail(number, error):
-        calls = count()
-
-        def on_progress(_):
-            if next(calls) >= number:
-                raise error
-        return on_progress
+    def fail(least, done):
+        if done >= least:
+            raise error
 
     path = bags.make(tmp_path, kind, bags.walk(10))
-    errors = cycle([KeyboardInterrupt(), ValueError('enough'), EOFError(), BagError('mine'),
-                    ImportError('mine'), sqlite3.DatabaseError('mine')])
-    next(islice(errors, KINDS.index(kind), None))
-    for partial in False, True:
-        parts: list[float] = []
-        read(path, partial=partial, on_progress=parts.append)
-        for step in {0, 1, len(parts) // 2, len(parts) - 2, len(parts) - 1}:
-            error = next(errors)
-            with pytest.raises(type(error)) as raised:
-                read(path, partial=partial, on_progress=fail(step, error))
-            assert raised.value is error
+    for partial, least in product((False, True), (0.0, 0.5, 1.0)):
+        with pytest.raises(type(error)) as raised:
+            read(path, partial=partial, on_progress=partial_of(fail, least))
+        assert raised.value is error
 
 
 # Limits
@@ -1121,15 +918,11 @@ def test_a_chunk_that_declares_too_much(tmp_path, logs, method, partial):
             rf'{re.escape(str(path))} cannot be read: a chunk of \d+ bytes {why}\..*', result)
 
 
-def test_an_indexed_chunk_that_declares_too_much(tmp_path):
-    """The index declares the sizes; chunks without TF may have any size."""
+def test_a_chunk_without_transforms_may_have_any_size(tmp_path):
+    """It is not read."""
     path = bags.file_of(bags.make(tmp_path, 'mcap storage', [
-        *bags.walk(1), *texts('mcap', 1, BOMB)]))
-    assert_refused_early(
-        path, r'a chunk of \d+ bytes takes \d+ bytes, more than the limit', max_bytes=LIMIT)
-    other = bags.file_of(bags.make(tmp_path / 'other', 'mcap storage', [
         *texts('mcap', 1, BOMB), *bags.walk(1, begin=300 * S)]))
-    assert len(read(other).frames()) == 2
+    assert len(read(path, max_bytes=LIMIT).frames()) == 2
 
 
 @pytest.mark.parametrize('kind', ['mcap message', 'db3 message'])
