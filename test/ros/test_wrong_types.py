@@ -7,17 +7,12 @@ from typing import Any
 from geometry_msgs.msg import (
     Point,
     PointStamped,
-    PolygonStamped,
     Pose,
-    PoseArray,
     PoseStamped,
-    PoseWithCovarianceStamped,
     Quaternion,
     QuaternionStamped,
     TransformStamped,
     Vector3,
-    Vector3Stamped,
-    WrenchStamped,
 )
 from nav_msgs.msg import Odometry, Path
 import numpy as np
@@ -33,7 +28,6 @@ from puretf import (
     BufferCore,
     ExtrapolationException,
     geometry,
-    LookupException,
     MessageFilter,
     StaticTransformBroadcaster,
     StaticTransformListener,
@@ -88,12 +82,6 @@ def test_a_duration_as_the_time(buffer, name, duration):
     assert text.endswith(NOTE)
 
 
-def test_a_duration_as_the_time_of_an_unknown_frame(buffer):
-    """The nearest name comes first."""
-    assert error_of(LookupException, buffer.lookup_transform, 'map', 'tol', DURATION).endswith(
-        f"Nearest known: 'tool'.{NOTE}")
-
-
 @pytest.mark.parametrize('times', [(DURATION, Time()), (Time(nanoseconds=T), DURATION)])
 @pytest.mark.parametrize('name', ['lookup_transform_full', 'lookup_transform_full_core'])
 def test_a_duration_as_one_of_two_times(buffer, name, times):
@@ -120,13 +108,6 @@ def test_a_duration_as_the_time_that_tf2_accepts(buffer):
     assert buffer.lookup_transform('map', 'tool', Duration(seconds=100)) == stamped(
         'map', 'tool', T)
     assert buffer.can_transform('map', 'tool', Duration(), return_debug_tuple=True) == (True, '')
-
-
-def test_a_time_as_the_time(buffer):
-    """There is no hint at a Duration."""
-    text = error_of(ExtrapolationException, buffer.lookup_transform, 'map', 'tool',
-                    Time(seconds=2))
-    assert 'Duration' not in text
 
 
 # Numbers as times and durations
@@ -184,13 +165,6 @@ def test_a_number_as_a_duration_of_a_filter(ros, argument):
         'Duration(seconds=0.5); an integer (ns) is accepted, too, such as 500000000')
     create(Duration(seconds=0.5))
     create(500000000)
-
-
-def test_a_number_as_a_duration_of_a_buffer_without_ros():
-    """The text has the integer; integers stay ns."""
-    buffer = TransformBuffer(cache_time=10**9)
-    text = error_of(TypeError, buffer.lookup_transform, 'a', 'b', 0, 0.5)
-    assert text.endswith('; an integer (ns) is accepted, too, such as 500000000')
 
 
 # Fields of messages
@@ -352,18 +326,8 @@ def test_a_type_that_no_function_transforms(buffer):
 @pytest.mark.parametrize(('name', 'given', 'end'), [
     ('pose', PoseStamped(), 'got a PoseStamped and a TransformStamped: use '
      'do_transform_pose_stamped'),
-    ('pose_stamped', Pose(), 'got a Pose and a TransformStamped: use do_transform_pose'),
-    ('pose_stamped', PoseWithCovarianceStamped(),
-     ': use do_transform_pose_with_covariance_stamped'),
-    ('vector3', PointStamped(), ': use do_transform_point'),
-    ('point', Vector3Stamped(), ': use do_transform_vector3'),
-    ('polygon_stamped', PointStamped(), ': use do_transform_point'),
     ('pose_array', Path(poses=[PoseStamped()]), ': use do_transform_path'),
-    ('path', PoseArray(poses=[Pose()]), ': use do_transform_pose_array'),
-    ('odometry', PoseWithCovarianceStamped(), ': use do_transform_pose_with_covariance_stamped'),
     ('wrench_stamped', QuaternionStamped(), ': use do_transform_quaternion_stamped'),
-    ('quaternion_stamped', WrenchStamped(), ': use do_transform_wrench_stamped'),
-    ('pose_stamped', PolygonStamped(), ': use do_transform_polygon_stamped'),
     ('polygon_stamped', Odometry(), ': use do_transform_odometry'),
     ('point', Point(), 'takes a PointStamped and a TransformStamped, got a Point and a '
      'TransformStamped')])
@@ -377,13 +341,5 @@ def test_data_of_another_type(name, given, end):
     if ': use ' in text:
         function = getattr(geometry, text.rpartition(': use ')[2])
         assert type(function(given, TransformStamped())) is type(given)
-
-
-def test_arguments_of_geometry_in_the_wrong_order():
-    """The error names the order; keywords may have any order."""
-    point, transform = PointStamped(), TransformStamped()
-    assert error_of(AttributeError, geometry.do_transform_point, transform, point).endswith(
-        'takes a PointStamped and a TransformStamped, got a TransformStamped and a PointStamped')
-    assert geometry.do_transform_point(transform=transform, point=point) == point
-    assert error_of(AttributeError, geometry.do_transform_point, point, transform.transform
-                    ).endswith('got a PointStamped and a Transform')
+    with pytest.raises(AttributeError, match=r'got a TransformStamped and a \w+$'):
+        geometry.do_transform_point(TransformStamped(), given)

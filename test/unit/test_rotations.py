@@ -180,15 +180,6 @@ def test_roll_and_yaw_of_what_looks_up(off):
         assert yaw == pytest.approx(0.1, abs=1e-15 / off)
 
 
-@given(conventions, units)
-def test_euler_angles_as_those_of_transforms3d(axes, quaternion):
-    """All three angles agree, away from gimbal lock."""
-    expected = euler.quat2euler(np.roll(quaternion, 1), axes)
-    assume(from_lock(expected, axes) > 1e-3)
-    for ours, theirs in zip(euler_from_quaternion(quaternion, axes), expected):
-        assert math.remainder(ours - theirs, math.tau) == pytest.approx(0, abs=1e-9)
-
-
 @given(conventions, units, st.floats(1e-3, 1e3))
 def test_both_signs_and_any_length_are_the_same(axes, quaternion, length):
     """The angles and the matrix depend neither on the sign nor on the length."""
@@ -274,14 +265,6 @@ def test_matrices_there_and_back(quaternion, translation):
     assert apart(quaternion_from_matrix(turned(quaternion).tolist()), quaternion) < 1e-14
 
 
-def test_matrices_that_were_typed_in():
-    """Three digits are enough, and the result is normalised."""
-    matrix: list[list[float]] = [[0.707, -0.707, 0], [0.707, 0.707, 0], [0, 0, 1]]
-    quaternion = quaternion_from_matrix(matrix)
-    assert quaternion == pytest.approx(about(math.pi / 4, (0, 0, 1)), abs=1e-3)
-    assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-15)
-
-
 @given(units, units)
 def test_products_as_those_of_matrices(left, right):
     """The right rotation is applied first, then the left one."""
@@ -321,15 +304,6 @@ def test_slerp_turns_evenly_the_short_way(begin, axis, half, fraction, sign):
     assert [type(number) for number in found] == [float] * 4
     assert apart(found, hamilton(about(2 * half * fraction, axis), begin)) < 1e-14
     assert np.linalg.norm(found) == pytest.approx(1.0, abs=1e-15)
-
-
-def test_slerp_of_tiny_angles():
-    """A fraction of 1e-9 rad is accurate, although the cosine of that angle rounds to 1."""
-    end = (5e-10, 0.0, 0.0, 1.0)
-    for fraction in 0.1, 0.25, 0.5, 0.9:
-        for sign in 1, -1:
-            found = quaternion_slerp(UNIT, np.multiply(sign, end), fraction)
-            assert found[0] == pytest.approx(5e-10 * fraction, rel=1e-9)
 
 
 @given(units, units)
@@ -373,15 +347,9 @@ WITH_QUATERNIONS = [
 
 
 @pytest.mark.parametrize(('quaternion', 'given'), [
-    ((0, 0, 1), r'\(0, 0, 1\)$'),
-    ([0, 0, 0, 0, 1], r'\[0, 0, 0, 0, 1\]$'),
-    ((0, 0, math.nan, 1), r'\(0, 0, nan, 1\)$'),
-    ((0, 0, -math.inf, 1), r'\(0, 0, -inf, 1\)$'),
-    (7, '7$'),
-    ('xyzw', "'xyzw'$"),
-    (None, 'None$'),
-    (np.full((4, 4), math.pi), r'array\(\[\[3.14159265, 3.14159265, 3.14159265, 3.14159265\], '),
-])
+    ((0, 0, 1), r'\(0, 0, 1\)$'), ([0, 0, 0, 0, 1], r'\[0, 0, 0, 0, 1\]$'),
+    ((0, 0, math.nan, 1), r'\(0, 0, nan, 1\)$'), ('xyzw', "'xyzw'$"), (None, 'None$'),
+    (np.full((4, 4), math.pi), r'array\(\[\[3.14159265, 3.14159265, 3.14159265, 3.14159265\], ')])
 def test_no_quaternion(quaternion, given):
     """A quaternion has four finite elements; the error shows anything else."""
     for function in WITH_QUATERNIONS:
@@ -410,51 +378,35 @@ def test_no_axis(axis):
         quaternion_about_axis(1.0, axis)
 
 
-@pytest.mark.parametrize('bad', [math.nan, math.inf])
-def test_angles_and_fractions_are_finite(bad):
+@pytest.mark.parametrize(('function', 'arguments', 'error'), [
+    (quaternion_from_euler, (0.5, math.nan, 1), r'Euler angles must .* got \(0.5, nan, 1'),
+    (quaternion_about_axis, (math.inf, (0, 0, 1)), r'an angle must be a finite .* got \(inf,\)'),
+    (quaternion_slerp, (UNIT, UNIT, 0.5, math.nan), r'fraction and spin must be .* \(0.5, nan\)')])
+def test_angles_and_fractions_are_finite(function, arguments, error):
     """Numbers that are not finite are shown in the error."""
-    with pytest.raises(ValueError, match=r'Euler angles must be three .* got \(0.5, (nan|inf), 1'):
-        quaternion_from_euler(0.5, bad, 1)
-    with pytest.raises(ValueError, match=r'an angle must be a finite .* got \((nan|inf),\)'):
-        quaternion_about_axis(bad, (0, 0, 1))
-    with pytest.raises(ValueError, match=r'fraction and spin must be .* got \((nan|inf), 0\)'):
-        quaternion_slerp(UNIT, (1, 0, 0, 0), bad)
-    with pytest.raises(ValueError, match=r'fraction and spin must be .* got \(0.5, (nan|inf)\)'):
-        quaternion_slerp(UNIT, (1, 0, 0, 0), 0.5, bad)
+    with pytest.raises(ValueError, match=error):
+        function(*arguments)
 
 
-@pytest.mark.parametrize('axes', [
-    'xyz', 'sxxy', 'txyz', 'sxyzx', '', (0, 0, 0, 2), (3, 0, 0, 0), (0, 0, 0), [0, 0, 0, 0], None])
+@pytest.mark.parametrize('axes', ['xyz', 'sxxy', 'txyz', '', (0, 0, 0, 2), [0, 0, 0, 0], None])
 def test_no_axes_convention(axes):
     """The error describes the form of a convention and gives examples."""
-    for function in lambda: euler_from_quaternion(UNIT, axes), lambda: quaternion_from_euler(
-            1, 2, 3, axes):
-        with pytest.raises(ValueError, match=r"axes must be 's' .* or 'r' .* and three of x, y, z,"
-                                             r".* such as 'sxyz', 'rzyx' or 'szxz'") as error:
-            function()
-        assert str(error.value).endswith(f'; got {axes!r}')
-
-
-def homogenous(last):
-    """Return the identity with another last row."""
-    return [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], last]
+    with pytest.raises(ValueError, match=(
+            r"axes must be 's' .* or 'r' .* and three of x, y, z,"
+            r".* such as 'sxyz', 'rzyx' or 'szxz'")) as error:
+        euler_from_quaternion(UNIT, axes)
+    assert str(error.value).endswith(f'; got {axes!r}')
 
 
 @pytest.mark.parametrize(('matrix', 'message'), [
     (np.eye(2), r'of shape \(3, 3\) or \(4, 4\), got \(2, 2\)$'),
-    (np.eye(4)[:3], r'of shape \(3, 3\) or \(4, 4\), got \(3, 4\)$'),
-    (UNIT, r'of shape \(3, 3\) or \(4, 4\), got \(4,\)$'),
     (np.diag([1, 1, -1]), r'unit vectors at right angles.* got \[\[1.0.*determinant -1$'),
     (-np.eye(4), r'the last row of a \(4, 4\) matrix must be 0, 0, 0, 1, got \[-0.0, '),
-    (homogenous([1, 2, 3, 1]), r'must be 0, 0, 0, 1, got \[1.0, 2.0, 3.0, 1.0\]$'),
-    (homogenous([0, 0, 0, math.nan]), r'must be 0, 0, 0, 1, got \[0.0, 0.0, 0.0, nan\]$'),
+    (np.diag([1, 1, 1, math.nan]), r'must be 0, 0, 0, 1, got \[0.0, 0.0, 0.0, nan\]$'),
     (1.01 * np.eye(3), 'unit vectors at right angles.* error 0.02, determinant 1.03$'),
     ([[1, 0.01, 0], [0, 1, 0], [0, 0, 1]], 'unit vectors.* error 0.01, determinant 1$'),
-    (np.zeros((3, 3)), 'unit vectors.* error 1, determinant 0$'),
     (np.diag([1, math.nan, 1]), 'unit vectors.* error nan, determinant nan$'),
-    (np.diag([1, math.inf, 1]), 'unit vectors.* error (nan|inf), determinant'),
-    (np.full((3, 3), 1e200), 'unit vectors.* error inf, determinant'),
-])
+    (np.full((3, 3), 1e200), 'unit vectors.* error inf, determinant')])
 def test_no_rotation_matrix(matrix, message):
     """A matrix that has another shape, mirrors, scales, shears or is not finite is refused."""
     with pytest.raises(ValueError, match=message) as error:
