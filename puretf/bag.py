@@ -24,10 +24,8 @@ __all__ = ['NOT_RECORDED', 'Bag', 'BagError', 'BagMessage', 'Headers', 'Paths', 
 
 _ALL_TIME = 2**63 - 1  # ns
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
-#: (bytes).
-_BATCH_BYTES = 500_000
-#: If others see the buffer while it is filled, a group ends after this time, too (s).
-_BATCH_TIME = 0.1
+#: (bytes), or after this time (s), since other threads may see the buffer while it is filled.
+_BATCH_BYTES, _BATCH_TIME = 500_000, 0.1
 #: The memory that a message takes in addition to its data (bytes).
 _OVERHEAD = 100
 #: A std_msgs/Header with a frame_id of usual length takes no more than this (bytes).
@@ -205,7 +203,6 @@ class Bag(AbstractContextManager['Bag']):
         :raises BagError: if the bag has no valid transforms, or cannot be read.
         :raises ValueError: if cache_time or max_samples is out of range.
         """
-        batch_time = 0.0 if buffer is None else _BATCH_TIME
         buffer = buffer or TransformBuffer(
             _ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
         engine = engine_of(buffer)
@@ -213,7 +210,7 @@ class Bag(AbstractContextManager['Bag']):
         readers: dict[Topic, MessageReader] = {}
         contents = self._contents = Contents(*self._about, True, headers, others)
         for groups in _grouped_by_topic(self._records(contents), on_message,
-                                        engine.tree.cache_time < _ALL_TIME, batch_time):
+                                        engine.tree.cache_time < _ALL_TIME):
             for topic, messages in groups.items():
                 reader = readers.setdefault(topic, MessageReader(
                     lambda error: faults.update([str(error).partition(':')[0]]), topic.encoding))
@@ -298,27 +295,27 @@ def recordings(paths: Paths) -> list[list[Path]]:
 
 
 def _grouped_by_topic(records: Iterable[Record],
-                       on_message: Optional[Callable[[BagMessage], object]], in_order: bool,
-                       batch_time: float) -> Iterator[dict[Topic, list[bytes]]]:
+                      on_message: Optional[Callable[[BagMessage], object]], in_order: bool
+                      ) -> Iterator[dict[Topic, list[bytes]]]:
     """
-    Yield groups of about `_BATCH_BYTES` bytes: the TF messages of each topic.
+    Yield groups: the TF messages of each topic.
 
     Static messages keep their order relative to those of other topics; if `in_order` is True,
-    dynamic messages do, too. A group takes about `batch_time` at most (s); 0.0: any time.
+    dynamic messages do, too.
     """
     groups: dict[Topic, list[bytes]] = {}
     last: Optional[Topic] = None
-    size, end = 0, monotonic() + batch_time
+    size, end = 0, monotonic() + _BATCH_TIME
     for record in records:
         if on_message:
             on_message(BagMessage(*record))
         topic, _, data = record
         if topic.is_static is None:
             continue
-        if size > _BATCH_BYTES or (batch_time and monotonic() > end) or (
+        if size > _BATCH_BYTES or monotonic() > end or (
                 last and topic is not last and (in_order or last.is_static or topic.is_static)):
             yield groups
-            groups, size, end = {}, 0, monotonic() + batch_time
+            groups, size, end = {}, 0, monotonic() + _BATCH_TIME
         groups.setdefault(topic, []).append(data)
         last = topic
         size += len(data) + _OVERHEAD

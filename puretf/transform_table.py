@@ -95,7 +95,10 @@ def transform_tables(messages: Iterable[Message],
             yield from _tables(groups, [*groups])
             size = 0
         if parts is None:
-            yield from (_table_of(message, row) for row in rows)
+            for row in rows:
+                yield TransformTable(
+                    message.publisher, message.is_static, [(row.frame_id, row.child_frame_id)],
+                    np.array([message.time]), np.array([[row.stamp_ns]]), np.array([[row.pose]]))
             continue
         layout, *content = parts
         key = message.publisher, message.is_static, layout
@@ -121,9 +124,3 @@ def _tables(groups: _Groups, keys: Iterable[tuple[str, bool, Layout]]) -> Iterat
         yield TransformTable(
             publisher, is_static, [*layout.edges], np.array(times, np.int64),
             *layout.arrays(b''.join(stamps), bytearray().join(poses)))
-
-
-def _table_of(message: Message, row: Row) -> TransformTable:
-    return TransformTable(
-        message.publisher, message.is_static, [(row.frame_id, row.child_frame_id)],
-        np.array([message.time]), np.array([[row.stamp_ns]]), np.array([[row.pose]]))

@@ -29,8 +29,3 @@ def __getattr__(name: str) -> Any:
         from puretf import BufferCore
         return BufferCore
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-
-
-def __dir__() -> list[str]:
-    """Return all names, including `BufferCore` before its first use."""
-    return sorted({*globals(), *__all__})

@@ -164,13 +164,10 @@ def _remedy(path: str, kind: Union[type, str], value: object) -> str:
     if kind is Time:
         return ('.to_msg() after it' if isinstance(value, ClockTime) else
                 f'{time}.to_msg()' if time else 'clock.now().to_msg()')
-    if path.endswith('nanosec') and isinstance(value, float):
-        return 'int() around it'
     if path.startswith('header.stamp.') and time:
         return f'header.stamp = {time}.to_msg()'
     return ('Vector3(x=x, y=y, z=z)' if kind is Vector3 else
-            'Quaternion(x=x, y=y, z=z, w=w)' if kind is Quaternion else
-            'the name of a frame' if kind is str else '')
+            'Quaternion(x=x, y=y, z=z, w=w)' if kind is Quaternion else '')
 
 
 def _fits(value: object, kind: Union[type, str]) -> bool:

@@ -39,7 +39,7 @@ _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 
 class String(ctypes.Structure):
-    """The struct rosidl_runtime_c__String; `str()` returns the decoded string."""
+    """The struct rosidl_runtime_c__String."""
 
     _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
 
@@ -48,9 +48,6 @@ class String(ctypes.Structure):
         """Create the struct; Python owns its bytes, so C must not free them."""
         data = text.encode()
         return cls(data, len(data), len(data) + 1)
-
-    def __str__(self) -> str:
-        return (self.data or b'').decode()
 
 
 def sequence_of(element: type) -> type:
@@ -222,7 +219,7 @@ _itself = IndividualTypeDescription(String.of(_NAME), _array(Fields, [Field(
               _element_description.type_description.type_name))]))
 _description = TypeDescription(_itself, _array(IndividualTypeDescriptions, sorted(
     (_element_description.type_description, *_element_description.referenced_type_descriptions),
-    key=lambda individual: str(individual.type_name))))
+    key=lambda individual: individual.type_name.data)))
 _sources = _array(TypeSources, (
     TypeSource(String.of(_NAME), String.of('msg'), String.of(_SOURCE)), *_element_sources))
 _hash = TypeHash(1, (c_uint8 * 32)(*bytes.fromhex(_HASH)))

@@ -180,15 +180,13 @@ def test_a_number_as_a_duration_of_a_filter(ros, argument):
     ('header.stamp', 17 * 10**17,
      'rclpy.time.Time(nanoseconds=1700000000000000000).to_msg()'),
     ('header.stamp.sec', 2.5, 'header.stamp = rclpy.time.Time(seconds=2.5).to_msg()'),
-    ('header.stamp.nanosec', 5e8, 'int() around it'),
     ('header.stamp.nanosec', 17 * 10**17,
      'header.stamp = rclpy.time.Time(nanoseconds=1700000000000000000).to_msg()'),
     ('transform.translation', np.zeros(3), 'Vector3(x=x, y=y, z=z)'),
     ('transform.translation', [1.0, 2.0, 3.0], 'Vector3(x=x, y=y, z=z)'),
     ('transform.rotation', (0.0, 0.0, 0.0, 1.0), 'Quaternion(x=x, y=y, z=z, w=w)'),
     ('transform.rotation', np.zeros((1000, 4)), 'Quaternion(x=x, y=y, z=z, w=w)'),
-    ('header.frame_id', None, 'the name of a frame'),
-    ('child_frame_id', 'x' * 3000, None)])
+    ('transform.rotation.w', 'one', '')])
 def test_a_field_of_a_wrong_type(ros, path, value, remedy):
     """The remedy makes a message that can be sent and set."""
     def set_field(to):
@@ -201,21 +199,16 @@ def test_a_field_of_a_wrong_type(ros, path, value, remedy):
         return message
 
     broadcaster = TransformBroadcaster(ros.node)
-    if remedy is None:  # the text of another error has the name of the child
-        bad = set_field(value)
-        bad.header._stamp = None
-        error_of(ValueError, broadcaster.sendTransform, bad)
-        return
     for each in broadcaster, StaticTransformBroadcaster(ros.node):
         text = error_of(ValueError, each.sendTransform, set_field(value))
         assert f"to child 'tool': {path} must be " in text
-        assert remedy_of(text) == remedy
-    if remedy == 'the name of a frame':
+        assert remedy_of(text) == (remedy or text)
+    if not remedy:
         return
     names = {'clock': Clock(), 'rclpy': rclpy, 'Vector3': Vector3, 'Quaternion': Quaternion,
              **dict.fromkeys('xyzw', 0.5)}
-    expression = {'.to_msg() after it': 'value.to_msg()', 'int() around it': 'int(value)'}.get(
-        remedy, remedy.removeprefix('header.stamp = '))
+    expression = remedy.removeprefix('header.stamp = ').replace(
+        '.to_msg() after it', 'value.to_msg()')
     if remedy.startswith('header.stamp = '):
         path = 'header.stamp'
     mended = set_field(eval(expression, names, {'value': value}))
