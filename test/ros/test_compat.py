@@ -153,35 +153,6 @@ def test_a_package_imports_its_modules_on_first_use():
             import_module(package).unknown  # noqa: B018
 
 
-def test_threads_may_import_all_modules_at_the_same_time():
-    """With this interval, without the rule above, every other process raised a _DeadlockError."""
-    code = f"""if True:
-        from importlib import import_module
-        import sys
-        from threading import Barrier, Thread
-        sys.setswitchinterval(1e-6)
-        names = {[*API]}
-        barrier = Barrier(2 * len(names))
-        errors = []
-        def run(name):
-            barrier.wait()
-            try:
-                import_module(name)
-            except KeyError:  # Python removes a package from sys.modules for two instructions
-                import_module(name)
-            except Exception as error:
-                errors.append(error)
-        threads = [Thread(target=run, args=[name]) for name in 2 * names]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert not errors, errors
-    """
-    processes = [subprocess.Popen([sys.executable, '-c', code]) for _ in range(4)]
-    assert [process.wait(60) for process in processes] == 4 * [0]
-
-
 @pytest.mark.parametrize('use', [
     lambda node: tf2_ros.BufferClient(),
     lambda node: tf2_ros.FrameGraph.Request(),

@@ -419,9 +419,7 @@ def test_points_in_an_array():
 @pytest.mark.parametrize(('change', 'error'), [
     ({'fields': [PointField(name='x', datatype=PointField.INT16)]},
      r'needs a field x of FLOAT32 or FLOAT64; its fields: x \(datatype 3\)'),
-    ({'width': 9}, 'layout does not fit: 1 x 9 points of 24 bytes'),
-    ({'point_step': 5}, 'x at byte 2'),
-    ({'height': 2, 'row_step': 10}, '10 bytes a row')])
+    ({'point_step': 5}, 'layout does not fit: 1 x 4 points of 5 bytes, .* x at byte 2')])
 def test_a_cloud_that_does_not_fit(buffer, change, error):
     """The error says in one line what does not fit."""
     bad = cloud_of([[(0.0, 0.0, 0.0, 7)] * 4], FIELDS, 24)

@@ -175,11 +175,10 @@ def test_a_cloud_that_does_not_fit(change, kind, error):
      "with field 'y', a point has 2 values, but at most 1 are possible: correct its count"),
     ({'height': 2**16, 'width': 2**32 - 1}, '65536 x 4294967295 points of 0 bytes'),
     ({'point_step': 2**32 - 1}, 'a point has 4294967295 bytes, but at most 2147483647 are')])
-@pytest.mark.parametrize('read', [read_points, read_points_list, read_points_numpy])
-def test_more_than_the_data_can_hold(read, values, error):
+def test_more_than_the_data_can_hold(values, error):
     """Such a cloud is refused before memory is taken for it: a number of its message is enough."""
     with pytest.raises(ValueError, match=error):
-        read(PointCloud2(**values))
+        read_points(PointCloud2(**values))
 
 
 def test_what_is_not_there():
@@ -277,12 +276,8 @@ def test_points_that_do_not_fit(description, points, kind, error):
 
 
 def test_a_structured_array_of_another_type():
-    """The error says how to create one, and such an array is accepted."""
-    fields = fields_of(XYZ)
+    """The error says how to create one."""
     points = np.zeros(2, [('x', 'f4'), ('y', 'f8'), ('z', 'f4')])
-    with pytest.raises(AssertionError, match=r'but the fields need .*: create them') as error:
-        create_cloud(HEADER, fields, points, 16)
-    remedy = str(error.value).rpartition(' with ')[2]
-    dtype = eval(remedy, {'dtype_from_fields': dtype_from_fields, 'fields': fields,
-                          'point_step': 16})
-    assert create_cloud(HEADER, fields, points.astype(dtype), 16).point_step == 16
+    with pytest.raises(AssertionError, match=(
+            r'but the fields need .*: create them with dtype_from_fields\(fields, point_step\)')):
+        create_cloud(HEADER, fields_of(XYZ), points, 16)

@@ -95,31 +95,34 @@ def examine_unless_faulty(paths, **kwargs):
 
 def point(frame, stamp=S, version=2):
     """Serialize a PointStamped, which begins with a header."""
-    types = _types(version)
-    number = (7,) if version == 1 else ()
-    message = types.types['geometry_msgs/msg/PointStamped'](
-        types.types['std_msgs/msg/Header'](
-            *number, types.types['builtin_interfaces/msg/Time'](*divmod(stamp, S)), frame),
-        types.types['geometry_msgs/msg/Point'](1.0, 2.0, 3.0))
-    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
-    return bytes(serialize(message, 'geometry_msgs/msg/PointStamped'))
+    new = _types(version).types
+    return _serialized('geometry_msgs/msg/PointStamped', version, _header(version, stamp, frame),
+                       new['geometry_msgs/msg/Point'](1.0, 2.0, 3.0))
 
 
 def string(text, version=2):
     """Serialize a String."""
-    types = _types(version)
-    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
-    return bytes(serialize(types.types[STRING](text), STRING))
+    return _serialized(STRING, version, text)
 
 
 def joint_state(names, version=2, *, stamp=1, positions=None):
     """Serialize a JointState with positions of 0; the stamp is in seconds."""
-    types, zeros = _types(version), np.zeros(len(names) if positions is None else positions)
+    zeros = np.zeros(len(names) if positions is None else positions)
+    return _serialized(
+        JOINT_STATE, version, _header(version, stamp * S, ''), names, zeros, zeros, zeros)
+
+
+def _header(version, stamp, frame):
+    new = _types(version).types
+    return new['std_msgs/msg/Header'](
+        *((7,) if version == 1 else ()), new['builtin_interfaces/msg/Time'](*divmod(stamp, S)),
+        frame)
+
+
+def _serialized(msgtype, version, *fields):
+    types = _types(version)
     serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
-    header = types.types['std_msgs/msg/Header'](
-        *((7,) if version == 1 else ()), types.types['builtin_interfaces/msg/Time'](stamp, 0), '')
-    return bytes(serialize(types.types[JOINT_STATE](header, names, zeros, zeros, zeros),
-                           JOINT_STATE))
+    return bytes(serialize(types.types[msgtype](*fields), msgtype))
 
 
 def ros1(rows):

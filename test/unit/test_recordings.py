@@ -1,7 +1,6 @@
 """Several paths: split recordings, directories, patterns, and recordings without metadata."""
 
 from collections import Counter
-from itertools import pairwise
 from pathlib import Path
 import re
 import shutil
@@ -276,13 +275,11 @@ def test_a_recording_of_rosbag2(name, logs):
 def test_parts_of_a_recording_of_rosbag2(logs):
     """In any order; if only some are given, it is said which are missing."""
     files = [RECORDINGS / 'mcap_split' / f'mcap_split_{i}.mcap' for i in range(4)]
-    _, _, topics = metadata_of('mcap_split')
-    for order in files, files[::-1], [files[i] for i in (2, 0, 3, 1)]:
-        with bag.open(order) as opened:
-            assert opened.files == files
-            assert opened.read().frames() == read(files[0].parent).frames()
-            assert {topic.name: topic.count for topic in opened.topics} == {
-                name: count for name, (_, count) in topics.items()}
+    with bag.open([files[i] for i in (2, 0, 3, 1)]) as opened:
+        assert opened.files == files
+        assert opened.read().frames() == read(files[0].parent).frames()
+        assert {topic.name: topic.count for topic in opened.topics} == {
+            name: count for name, (_, count) in metadata_of('mcap_split')[2].items()}
     with bag.open(files[1:]) as opened:
         assert opened.missing_part.endswith(f'read {files[0]}, too.')
         assert not any(frame.is_static for frame in opened.read().frames())
@@ -291,7 +288,6 @@ def test_parts_of_a_recording_of_rosbag2(logs):
         assert opened.missing_part == ''
         times = [message.time for message in opened.messages()]
     assert times == sorted(times)
-    assert max(later - time for time, later in pairwise(times)) > 3.9 * S
     assert [record.getMessage() for record in logs] == [
         f'{files[0]}: parts of its recording are not given: mcap_split_1.mcap']
 

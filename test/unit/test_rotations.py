@@ -265,14 +265,6 @@ def test_matrices_there_and_back(quaternion, translation):
     assert apart(quaternion_from_matrix(turned(quaternion).tolist()), quaternion) < 1e-14
 
 
-@given(units, units)
-def test_products_as_those_of_matrices(left, right):
-    """The right rotation is applied first, then the left one."""
-    found = quaternion_multiply(left, right)
-    assert [type(number) for number in found] == [float] * 4
-    assert np.allclose(turned(found), turned(left) @ turned(right), rtol=0, atol=1e-14)
-
-
 @given(quaternions, quaternions)
 @example((0.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0, 4.0))
 def test_products_and_conjugates_of_any_length(left, right):
