@@ -81,9 +81,8 @@ class McapFile:
         """Read the summary if it has a checksum."""
         at = self._size - _END.size
         file.seek(max(0, at))
-        if len(end := file.read(_END.size)) < _END.size:
-            return
-        kind, _, start, _, checksum, magic = _END.unpack(end)
+        kind, _, start, _, checksum, magic = _END.unpack(
+            file.read(_END.size).rjust(_END.size, b'\0'))
         if kind != _FOOTER or magic != _MAGIC or not checksum:
             return
         start = start or at  # there is only a footer

@@ -229,8 +229,6 @@ _description_functions = [_constant(value) for value in (_hash, _description, _s
 # calls only one of these functions: the function that returns whether the type is bounded.
 _callbacks = FastRTPSCallbacks.from_buffer_copy(
     FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
-_expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
-        (_callbacks.message_namespace, _callbacks.message_name))
 _callbacks.message_namespace = b'tf2_msgs::msg'
 _callbacks.message_name = b'TFMessage'
 _fastrtps = TypeSupport(_FASTRTPS, ctypes.addressof(_callbacks), _polygon_fastrtps.func,

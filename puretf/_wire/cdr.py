@@ -176,17 +176,14 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-_unpack_header, _unpack_header_big = (struct.Struct(f'{order}iII').unpack_from for order in '<>')
-
-
 def header(data: bytes) -> tuple[int, bytes, int]:
     """
     Return the stamp (ns), the bytes of the frame_id and nanosec of a message with a Header.
 
     If the bytes end too early, raise a struct.error.
     """
-    unpack = _unpack_header_big if data[:2] == b'\0\0' else _unpack_header
-    return stamp_and_name(data, *unpack(data, 4))
+    struct_format = '>iII' if data[:2] == b'\0\0' else '<iII'
+    return stamp_and_name(data, *struct.unpack_from(struct_format, data, 4))
 
 
 def stamp_and_name(data: bytes, sec: int, nanosec: int, length: int

@@ -24,7 +24,6 @@ _FIRST_NAME = 16  # where the first frame_id begins
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
 _unpack_length = struct.Struct('<I').unpack_from
 _unpack_header = struct.Struct('<4xIII').unpack_from
-_unpack_head = struct.Struct('<4xII').unpack_from
 _unpack_pose = struct.Struct('<7d').unpack_from
 
 
@@ -34,7 +33,7 @@ def unpack(data: bytes) -> list[Row]:
         (count,) = _unpack_length(data)
         check_count(count, _SMALLEST_TRANSFORM, len(data))
         for _ in range(count):
-            sec, nanosec = _unpack_head(data, position)
+            sec, nanosec, _ = _unpack_header(data, position)
             frame_id, position = _name(data, position + 12)
             child_frame_id, position = _name(data, position)
             rows.append(Row(sec * SECOND + nanosec, frame_id, child_frame_id,

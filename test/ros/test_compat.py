@@ -168,10 +168,3 @@ def test_what_is_not_available(ros, use):
             r'TransformListener')) as caught:
         use(ros.node)
     assert '\n' not in str(caught.value)
-
-
-@pytest.mark.parametrize('name', ['srv', 'action'])
-def test_services_and_actions_are_not_there(name):
-    """Programs that ask whether they are there get the usual answer."""
-    with pytest.raises(ModuleNotFoundError):
-        import_module(f'tf2_msgs.{name}')

@@ -26,7 +26,6 @@ from model import matrix
 from nav_msgs.msg import Odometry, Path
 import numpy as np
 import pytest
-from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import PointField
 from std_msgs.msg import Header
@@ -37,7 +36,6 @@ from puretf import (
     BufferInterface,
     convert,
     ConvertRegistration,
-    LookupException,
     NotImplementedException,
     Stamped,
     TransformRegistration,
@@ -261,13 +259,6 @@ def test_between_two_times():
     point.header = Header(stamp=Time(seconds=1).to_msg(), frame_id='camera')
     result = buffer.transform_full(point, 'camera', Time(seconds=3), 'map')
     assert (result.point.x, result.header.stamp.sec) == (8.0, 3)
-
-
-def test_transform_raises_what_the_lookup_raises(buffer):
-    """The exception is raised after the timeout."""
-    point = PointStamped(header=HEADER)
-    with pytest.raises(LookupException):
-        buffer.transform(point, 'nowhere', timeout=Duration(nanoseconds=1))
 
 
 class Own:

@@ -82,16 +82,6 @@ def test_a_duration_as_the_time(buffer, name, duration):
     assert text.endswith(NOTE)
 
 
-@pytest.mark.parametrize('times', [(DURATION, Time()), (Time(nanoseconds=T), DURATION)])
-@pytest.mark.parametrize('name', ['lookup_transform_full', 'lookup_transform_full_core'])
-def test_a_duration_as_one_of_two_times(buffer, name, times):
-    """Either of them may be one."""
-    buffer.set_transform(stamped('map', 'base', T), 'test')
-    text = error_of(ExtrapolationException, getattr(buffer, name), 'base', times[0], 'tool',
-                    times[1], 'map')
-    assert text.endswith(NOTE)
-
-
 def test_a_duration_as_the_time_of_can_transform(buffer):
     """The cause is in the debug tuple."""
     for answer in (buffer.can_transform('map', 'tool', DURATION, return_debug_tuple=True),

@@ -636,13 +636,6 @@ def test_wrong_values_of_a_database(tmp_path, change, why):
         assert type(found.begin) is type(found.end) is int
 
 
-def test_a_database_with_a_damaged_schema(tmp_path):
-    """The error says that it is of SQLite, even if its text is not valid UTF-8."""
-    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(3)))
-    path.write_bytes(path.read_bytes().replace(b'CREATE TABLE topics', b'CREAT\x99 TABLE topics'))
-    assert f'{path} cannot be read: SQLite reports: ' in outcome(path)
-
-
 @on_unix
 def test_a_database_whose_log_cannot_be_read(tmp_path):
     """The error names the log, and the remedy."""

@@ -60,12 +60,6 @@ def test_either_byte_order(order, data):
     assert {*map(type, unpacked)} <= {Row}
 
 
-@given(st.lists(rows, max_size=5))
-def test_packs_what_an_obvious_way_writes(transforms):
-    """The bytes equal those of an independent serializer, with nanoseconds below a second."""
-    assert cdr.pack(transforms) == written(transforms)
-
-
 def test_every_prefix_is_malformed():
     """A truncated message is refused, wherever it ends."""
     for case in golden_messages():
