@@ -1,5 +1,5 @@
 """
-Modules of a package that are imported on their first use.
+Modules of a package that are imported on their first use; the packages need ROS.
 
 If a package imported its modules while one thread imports the package and another one imports such
 a module, each thread could wait for the other one: Python would raise a _DeadlockError.
@@ -9,6 +9,8 @@ from importlib import import_module
 import sys
 from types import ModuleType
 from typing import TYPE_CHECKING
+
+import _dummy_arm_tf2.ros  # noqa: F401
 
 if TYPE_CHECKING:  # so that type checkers find them, too
     import tf2_geometry_msgs.tf2_geometry_msgs  # noqa: F401

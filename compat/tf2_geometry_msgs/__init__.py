@@ -4,7 +4,6 @@ The names of tf2_geometry_msgs, from `puretf.geometry`, and the messages that th
 `Buffer.transform` works for these messages even if this module is not imported, unlike in tf2.
 """
 
-import _dummy_arm_tf2.ros
 import _dummy_arm_tf2.submodules
 from geometry_msgs.msg import PointStamped as PointStamped
 from geometry_msgs.msg import PolygonStamped as PolygonStamped

@@ -1,6 +1,5 @@
 """The names of tf2_ros, from `puretf`."""
 
-import _dummy_arm_tf2.ros
 import _dummy_arm_tf2.submodules
 from _dummy_arm_tf2.unavailable import *  # noqa: F403
 from geometry_msgs.msg import PointStamped as PointStamped

@@ -1,6 +1,5 @@
 """The module of tf2_ros with the buffer."""
 
-import _dummy_arm_tf2.ros  # noqa: F401
 from _dummy_arm_tf2.unavailable import FrameGraph as FrameGraph
 from _dummy_arm_tf2.unavailable import FrameGraphSrvRequest as FrameGraphSrvRequest
 from _dummy_arm_tf2.unavailable import FrameGraphSrvResponse as FrameGraphSrvResponse

@@ -1,6 +1,5 @@
 """The module of tf2_ros with the base class of buffers."""
 
-import _dummy_arm_tf2.ros  # noqa: F401
 from geometry_msgs.msg import PointStamped as PointStamped
 from geometry_msgs.msg import PoseStamped as PoseStamped
 from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped

@@ -1,6 +1,5 @@
 """The module of tf2_ros with the broadcaster of dynamic transforms."""
 
-import _dummy_arm_tf2.ros  # noqa: F401
 from geometry_msgs.msg import TransformStamped as TransformStamped
 from rclpy.node import Node as Node
 from rclpy.qos import QoSProfile as QoSProfile

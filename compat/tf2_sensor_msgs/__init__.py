@@ -1,6 +1,5 @@
 """The names of tf2_sensor_msgs, from `puretf.geometry`."""
 
-import _dummy_arm_tf2.ros
 import _dummy_arm_tf2.submodules
 
 from puretf.geometry import do_transform_cloud as do_transform_cloud

@@ -4,7 +4,6 @@ The functions of tf2_sensor_msgs, from `puretf.geometry`, and those that it impo
 `Buffer.transform` works for a PointCloud2 even if this module is not imported, unlike in tf2.
 """
 
-import _dummy_arm_tf2.ros  # noqa: F401
 from sensor_msgs_py.point_cloud2 import create_cloud as create_cloud
 from sensor_msgs_py.point_cloud2 import read_points as read_points
 

@@ -144,9 +144,6 @@ class _Handle(c_void_p):
     __getitem__: Callable[[bytes], Optional[int]]
 
 
-_Dispatch = ctypes.CFUNCTYPE(c_void_p, _Handle, c_char_p)
-_Getter = ctypes.CFUNCTYPE(c_void_p)
-
 
 def _expect(what: str, expected: object, found: object) -> None:
     """Raise an ImportError if a value from C code differs from the value in ROS 2 Jazzy."""
@@ -198,7 +195,7 @@ def _array(sequence: type, elements: Iterable[Any]) -> Any:
 
 def _constant(value: ctypes.Structure) -> int:
     """Return the address of a new C function, which itself returns the address of `value`."""
-    getter = _Getter(repeat(ctypes.addressof(value)).__next__)
+    getter = ctypes.CFUNCTYPE(c_void_p)(repeat(ctypes.addressof(value)).__next__)
     _referenced.extend((value, getter))
     return ctypes.cast(getter, c_void_p).value or 0
 
@@ -252,7 +249,7 @@ _introspection = TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
 _Handle.__getitem__ = {
     _FASTRTPS: ctypes.addressof(_fastrtps),
     _INTROSPECTION: ctypes.addressof(_introspection)}.get
-_dispatch = _Dispatch(operator.getitem)
+_dispatch = ctypes.CFUNCTYPE(c_void_p, _Handle, c_char_p)(operator.getitem)
 _handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_void_p).value,
                       *_description_functions)
 
