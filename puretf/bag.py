@@ -313,7 +313,7 @@ def _grouped_by_topic(records: Iterable[Record],
         if topic.is_static is None:
             continue
         if size > _BATCH_BYTES or monotonic() > end or (
-                last and topic is not last and (in_order or last.is_static or topic.is_static)):
+                last and topic is not last and (in_order or topic.is_static)):
             yield groups
             groups, size, end = {}, 0, monotonic() + _BATCH_TIME
         groups.setdefault(topic, []).append(data)

@@ -103,3 +103,9 @@ def test_negative_stamps():
                        encoding=ros1)
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[2**31 * S]] * 2
+
+
+def test_a_child_with_two_parents():
+    """Its transforms stay in order."""
+    messages = [recorded(i, cdr.pack([Row(i, 'ab'[i % 2], 'x', (0.0,) * 7)])) for i in range(4)]
+    assert [table.times.tolist() for table in transform_tables(messages)] == [[0], [1], [2], [3]]
