@@ -11,7 +11,7 @@ subscription is created, but not for each message. Ctrl-C could interrupt a func
 Python bytecode. Therefore each function is compiled, or is a ctypes callback that only calls a
 compiled function.
 
-The structs have the layout of ROS 2 Jazzy. They are declared in
+The structs have the layout of ROS 2 Jazzy and Kilted. They are declared in
 rosidl_runtime_c/message_type_support_struct.h, rosidl_runtime_c/type_description/*.h,
 rosidl_typesupport_fastrtps_cpp/message_type_support.h and
 rosidl_typesupport_introspection_c/message_introspection.h. Compare them with these headers before
@@ -183,6 +183,9 @@ def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[Type
             (TypeDescription, handle.get_type_description_func),
             (TypeSources, handle.get_type_description_sources_func)))
     _expect('the hash of TransformStamped', _ELEMENT_HASH, bytes(type_hash.value).hex())
+    # In other releases of rosidl, sequences have more members.
+    _expect('the layout of a description', (3, 5), (
+        description.type_description.fields.size, description.referenced_type_descriptions.size))
     return description, sources
 
 
