@@ -16,11 +16,10 @@ from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
-from puretf._causes.explanation import clock_publishers
+from puretf._causes.explanation import clock_end
 from puretf._core.buffer_base import debug_tuple
 from puretf._core.times import nanoseconds
 from puretf._ros.futures import PendingFutures
-from puretf._ros.graph import nodes_on
 from puretf._ros.messages import FrameGraph
 from puretf._ros.qos import check_node
 from puretf._text.times import SECOND
@@ -75,8 +74,7 @@ class Buffer(BufferCore, BufferInterface):
             ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED)
         self._engine.insertion.log.warn_once(
             'jump', f'Detected {"time source change" if is_switch else "jump back in time"}. '
-            'Clearing tf buffer.', 1.0,
-            lambda: clock_publishers(nodes_on(self._node, '/clock') if self._node else ()))
+            'Clearing tf buffer.', 1.0, partial(clock_end, self._engine.tree.look))
         self.clear()
         self._engine.insertion.log.flush()
 

@@ -11,8 +11,8 @@ from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple, Optional
 
-from puretf._causes.explanation import explain_silence, text_of, why_not_received
-from puretf._causes.facts import Facts, Surroundings, UNKNOWN
+from puretf._causes.explanation import explain_silence, why_not_received
+from puretf._causes.facts import Surroundings, UNKNOWN
 from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows
 from puretf._ros.graph import gid_of, node_of, nodes_on
@@ -168,7 +168,7 @@ class PublisherListener(TransformListener):
 
     def wrong_type_hint(self) -> str:
         """Return who publishes another type than TFMessage on the topics; '' if nobody does."""
-        return text_of('wrong_type', Facts('silence', self._surroundings()))
+        return why_not_received(self._surroundings(), ['wrong_type'])
 
     def topics_hint(self) -> str:
         """Return why transforms may not arrive; '' if there is no sign of it."""

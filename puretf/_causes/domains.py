@@ -4,26 +4,18 @@ from collections.abc import Collection
 from contextlib import suppress
 import os
 from pathlib import Path
-import sys
 
 from puretf._text.names import comma_list, shortened
 
 #: The ports of a ROS domain begin at `FIRST_PORT + PORTS * domain` (RTPS specification, 9.6.2).
 FIRST_PORT, PORTS = 7400, 250
+#: The settings with which ROS does not look for other machines.
+_HIDE_OTHERS = ('ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST', 'ROS_AUTOMATIC_DISCOVERY_RANGE=OFF',
+                'ROS_LOCALHOST_ONLY=1')
 
 
-def command_of(pid: int) -> list[str]:
-    """Return the command line of a process; empty if it has ended."""
-    try:
-        line = Path(f'/proc/{pid}/cmdline').read_bytes()
-    except OSError:
-        return []
-    return [os.fsdecode(argument) for argument in line.split(b'\0')[:-1]]
-
-
-def short_command(pid: int) -> str:
-    """Return the command line of a process for a text; '' if it has ended."""
-    return shortened(' '.join(command_of(pid)))
+def domain_of(port: int) -> int:
+    return (port - FIRST_PORT) // PORTS
 
 
 def udp_ports() -> dict[int, str]:
@@ -39,7 +31,7 @@ def udp_ports() -> dict[int, str]:
 
 def used_domains() -> set[int]:
     """Return the ROS domains of which a port is in use; those above 100 share theirs."""
-    return {(port - FIRST_PORT) // PORTS for port in udp_ports() if port >= FIRST_PORT}
+    return {domain_of(port) for port in udp_ports() if port >= FIRST_PORT}
 
 
 def ros_domains(pids: Collection[int]) -> dict[int, int]:
@@ -55,32 +47,39 @@ def ros_domains(pids: Collection[int]) -> dict[int, int]:
                 with suppress(OSError):
                     ports.add(sockets.get(os.readlink(path), 0))
         for port in ports:
-            domain, offset = divmod(port - FIRST_PORT, PORTS)
-            if domain >= 0 and offset >= 10 and offset % 2 == 0 and port + 1 in ports:
-                found[domain] = pid
+            offset = (port - FIRST_PORT) % PORTS
+            if port >= FIRST_PORT and offset >= 10 and offset % 2 == 0 and port + 1 in ports:
+                found[domain_of(port)] = pid
     return found
 
 
 def other_user(domain: int) -> str:
     """Return another user whose processes are in a domain, with the shared memory of Fast DDS."""
-    if sys.platform != 'win32':
-        from pwd import getpwuid
-        for path in Path('/dev/shm').glob('fastrtps_port[0-9]*'):
-            number = path.name.removeprefix('fastrtps_port')
-            with suppress(OSError, KeyError):  # it has just been removed; a user without a name
-                if number.isdigit() and (int(number) - FIRST_PORT) // PORTS == domain and (
-                        user := path.stat().st_uid) != os.geteuid():
-                    return getpwuid(user).pw_name
+    for path in Path('/dev/shm').glob('fastrtps_port[0-9]*'):
+        # The file has just been removed, is another one, or the user has no name.
+        with suppress(OSError, ValueError, KeyError):
+            port = int(path.name.removeprefix('fastrtps_port'))
+            if domain_of(port) == domain and path.stat().st_uid != os.geteuid():
+                return path.owner()
     return ''
 
 
-def other_domains(own: int) -> str:
-    """Return a sentence on the other domains that have processes; '' if there are none."""
-    if not used_domains() - {own}:
-        return ''
-    domains = ros_domains([int(path.name) for path in Path('/proc').glob('[0-9]*')])
-    domains.pop(own, None)
-    others = [f'{domain} (PID {pid}: {short_command(pid)})'
-              for domain, pid in sorted(domains.items())]
-    return (f' On this machine, programs run in other ROS domains: '
-            f'{comma_list(others)}.' if others else '')
+def described(own: int) -> str:
+    """Name a ROS domain, the other ones on this machine, and what hides other machines."""
+    domains = ros_domains([int(path.name) for path in Path('/proc').glob('[0-9]*')]
+                          if used_domains() - {own} else ())
+    texts = [f'ROS domain {own}']
+    if others := [f'{domain} (PID {pid}: {_command(pid)})'
+                  for domain, pid in sorted(domains.items()) if domain != own]:
+        texts.append(f'On this machine, programs run in other ROS domains: {comma_list(others)}')
+    texts += [f'{setting} hides other machines' for setting in map('='.join, os.environ.items())
+              if setting.upper() in _HIDE_OTHERS]
+    return '. '.join(texts)
+
+
+def _command(pid: int) -> str:
+    """Return the command line of a process for a text; '' if it has ended."""
+    with suppress(OSError):
+        line = Path(f'/proc/{pid}/cmdline').read_bytes()
+        return shortened(os.fsdecode(line).replace('\0', ' ').strip())
+    return ''

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 import re
 
+from puretf._causes.clocks import apart
 from puretf._causes.facts import Facts, listed, Look, RECENT, Surroundings
 from puretf._causes.lookups import RULES
 from puretf._causes.rules import first_cause
 from puretf._text.names import quoted, see, shortened
-from puretf._text.similar_names import near_names, suggest_names
+from puretf._text.similar_names import is_slip, suggest_names
 from puretf._text.times import exact_time, SECOND
 
 #: The sections that follow if no cause is known; of other symptoms, that of a missing frame.
@@ -20,22 +20,14 @@ _SECTIONS = {'unconnected': 'two_trees', 'past': 'past',
 def explain(facts: Facts) -> tuple[str, tuple[str, ...]]:
     """Return the text, and the code of the cause that it names."""
     # Without a listener, no rule could blame anything else.
-    if facts.symptom == 'missing' and facts.around.topics and _is_typo(
-            facts.names[0], tuple(facts.buffer.names)):
+    if facts.symptom == 'missing' and facts.around.topics and any(
+            is_slip(facts.names[0], name) for name in facts.buffer.names):
         facts = replace(facts, symptom='typo')
     cause = first_cause(RULES.values(), facts)
-    if cause is None:
-        return f'{_known(facts)}{_arrivals(facts)}{_without_cause(facts)}', ()
     # Any other cause says itself when the data arrive, if that matters.
-    arrivals = _arrivals(facts) if cause.code == 'too_soon' else ''
-    return f'{_known(facts)}{arrivals} {cause.text}{see(cause.section)}'.lstrip(), (cause.code,)
-
-
-@lru_cache(maxsize=8)  # as `suggest_names`
-def _is_typo(name: str, names: tuple[str, ...]) -> bool:
-    """Return whether a name is almost that of a frame; other numbers are on purpose."""
-    return any(re.findall(r'\d+', near) == re.findall(r'\d+', name)
-               for near in near_names(name, names, cutoff=0.8))
+    arrivals = _arrivals(facts) if cause is None or cause.code == 'too_soon' else ''
+    end = f' {cause.text}{see(cause.section)}' if cause else _without_cause(facts)
+    return f'{_known(facts)}{arrivals}{end}'.lstrip(), (cause.code,) if cause else ()
 
 
 def _known(facts: Facts) -> str:
@@ -58,7 +50,7 @@ def _known(facts: Facts) -> str:
         return f'The data of edge {quoted(edge.parent)} -> {quoted(edge.child)} {span}{where}.'
     texts = [suggest_names(name, tuple(facts.buffer.names)) for name in names]
     if around.topics and not around.has_data:
-        nodes = sorted({each.node for each in around.publishers or ()})
+        nodes = sorted({each.node for each in around.publishers})
         texts += (['The listener has just started; discovery can take some seconds.']
                   if around.is_new else
                   [f'Nothing has arrived yet from {listed(nodes)}.'] if nodes else [])
@@ -71,15 +63,12 @@ def _arrivals(facts: Facts) -> str:
     if not edge.child or not around.topics:
         return ''
     if not facts.arrives:
-        node, topic = around.node_of(edge.authority), around.topics[-1]
-        who = (f' from {shortened(node)}' if node else
-               f'; on {topic} now: {listed(around.nodes(topic)) or "no publisher"}')
-        return f' The last one arrived {edge.silence / SECOND:.1f} s ago{who}.'
+        return (f' The last one arrived {edge.silence / SECOND:.1f} s ago'
+                f'{publisher_end(lambda: around, edge.authority, False)}')
     if edge.stalled > RECENT:
         return f' Its stamp has not advanced for {edge.stalled / SECOND:.1f} s.'
     return '' if abs(facts.offset) <= RECENT else (
-        f' Data arrive {abs(facts.offset) / SECOND:.1f} s '
-        f'{"ahead of" if facts.offset > 0 else "behind"} the clock of this node.')
+        f' Data arrive {apart(facts.offset, edge.latest)} the clock of this node.')
 
 
 def _without_cause(facts: Facts) -> str:
@@ -90,6 +79,8 @@ def _without_cause(facts: Facts) -> str:
             text = ' No earlier transform was received.'
         if edge.oldest == edge.latest:
             section = 'one_time'
+    if facts.symptom == 'cleared' and facts.around.is_simulated:
+        text = clock_end(lambda: facts.around)
     text += see(section)
     if facts.around.topics and len(facts.names) == 2 and all(
             re.fullmatch(r'[\w./-]+', name) for name in facts.names):
@@ -101,31 +92,21 @@ def _without_cause(facts: Facts) -> str:
 
 
 def publisher_end(look: Look, authority: str, is_static: bool) -> str:
-    """Name the publisher of a transform, or all of its topic; '' if none is known."""
+    """Name the publisher of a transform, or all of its topic; '' if there is no listener."""
     around = look()
     if node := around.node_of(authority):
         return f'. Publisher: {shortened(node)}.'
     topic = around.topics[0 if is_static else -1] if around.topics else ''
-    nodes = listed(around.nodes(topic))
-    return nodes and f'. Publishers on {topic}: {nodes}.'
+    return topic and f'. Publishers on {topic}: {listed(around.nodes(topic)) or "none"}.'
 
 
 def old_data_end(look: Look, authority: str) -> str:
     return f'{publisher_end(look, authority, False) or "."}{see("old_data")}'
 
 
-def clock_publishers(nodes: Sequence[str]) -> str:
-    """Name the publishers of /clock; several make the time jump."""
-    if len(nodes) == 1:
-        return f' Publisher of /clock: {shortened(nodes[0])}.'
-    around = Surroundings(clock_nodes=nodes, is_simulated=True)
-    return f' {text_of("two_clocks", Facts("cleared", around))}'.rstrip()
-
-
-def text_of(code: str, facts: Facts) -> str:
-    """Return the text of one cause; '' if it is none."""
-    cause = first_cause([RULES[code]], facts)
-    return cause.text if cause else ''
+def clock_end(look: Look) -> str:
+    nodes = listed(look().clock_nodes)
+    return nodes and f' Publishers of /clock: {nodes}.'
 
 
 # Without a lookup
@@ -136,9 +117,9 @@ _OF_TOPICS = ('wrong_type', 'volatile_listener', 'static_not_latched', 'incompat
               'other_namespace')
 
 
-def why_not_received(around: Surroundings) -> str:
-    """Return why transforms may not arrive; '' if there is no sign of a cause."""
-    cause = first_cause([RULES[code] for code in _OF_TOPICS], Facts('silence', around))
+def why_not_received(around: Surroundings, codes: Sequence[str] = _OF_TOPICS) -> str:
+    """Return why transforms may not arrive; '' if there is no sign of one of the causes."""
+    cause = first_cause([RULES[code] for code in codes], Facts('silence', around))
     return f'{cause.text}{see(cause.section)}' if cause else ''
 
 

@@ -4,16 +4,15 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Literal, NamedTuple, Optional
+from typing import Literal, NamedTuple
 
 from puretf._text.names import comma_list, shortened, TF_MESSAGE
-from puretf._text.times import is_frozen, SECOND
+from puretf._text.times import SECOND
 
 #: The symptoms of a lookup: a frame does not exist, or has almost the name of another one; two
 #: trees; a time before the data, or after them; an edge without data, since the buffer was
 #: cleared; and, without a lookup, that nothing arrives; or none, since `tf_doctor` asks.
-Symptom = Literal[
-    'missing', 'typo', 'unconnected', 'past', 'future', 'cleared', 'silence', 'none']
+Symptom = Literal['missing', 'typo', 'unconnected', 'past', 'future', 'cleared', 'silence', 'none']
 #: Times that are farther apart (ns) are from two clocks.
 OTHER_CLOCK = 60 * SECOND
 #: The name of a publisher whose node is not known.
@@ -63,44 +62,41 @@ class Waited(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """What the listener and its node know, as of when the text is read; None: not known."""
+    """What the listener and its node know, as of when the text is read."""
 
-    now: Optional[int] = None  #: the time of the node (ns); 0: /clock has not arrived
+    now: int = 0  #: the time of the node (ns); 0: it is not known, or /clock has not arrived
     is_simulated: bool = False  #: whether the clock of the node is simulated
-    system_now: int = 0  #: the time of the system clock (ns)
-    clock_nodes: Optional[Sequence[str]] = None  #: the nodes that publish on /clock
+    clock_nodes: Sequence[str] = ()  #: the nodes that publish on /clock
     #: The topics of the listener: of static transforms, and of dynamic ones. Empty: there is no
     #: listener, so nothing is known of publishers.
     topics: Sequence[str] = ()
-    publishers: Optional[Sequence[Publisher]] = None  #: all publishers on these topics
+    publishers: Sequence[Publisher] = ()  #: all publishers on these topics
     ended: Mapping[str, str] = MappingProxyType({})  #: by gid: the nodes of ended publishers
     is_volatile: bool = False  #: True if the subscription to static transforms is volatile
-    is_fed: bool = False  #: whether the topic of dynamic transforms has data or a publisher
     has_data: bool = False  #: whether any transform was received
     is_new: bool = False  #: whether the listener may not have discovered all publishers yet
-    #: Other topics with publishers of transforms, without the ending '_static', the nearest first.
+    #: Other topics with publishers of transforms, without the ending '_static', the nearest first;
+    #: if neither data nor a publisher is on the topic of dynamic transforms.
     other_topics: Sequence[str] = ()
-    #: Listens for a moment to all topics of transforms; None: it cannot.
-    listen: Optional[Callable[[], Sequence[Heard]]] = None
+    #: Listens for a moment to all topics of transforms.
+    listen: Callable[[], Sequence[Heard]] = tuple
     #: By node: a topic that it reads, /clock or that of joint states, and nothing publishes.
     waits_for: Mapping[str, str] = MappingProxyType({})
     joint_states: Mapping[str, Sequence[str]] = MappingProxyType({})  #: by topic: its publishers
-    domain: int = 0  #: the ROS domain
-    #: Returns a sentence on other ROS domains with processes of this machine; '' if there is none.
-    other_domains: Callable[[], str] = str
+    #: Names the ROS domain, other ones on this machine, and what hides other machines.
+    domain: Callable[[], str] = str
     #: Returns another user whose processes are in this domain, on this machine, with Fast DDS.
     other_user: Callable[[], str] = str
-    hides_others: str = ''  #: the environment variable that hides other machines, and its value
     node: str = ''  #: the full name of the listener's node
 
     def nodes(self, topic: str) -> list[str]:
         """Return the nodes that publish transforms on a topic."""
-        return sorted({each.node for each in self.publishers or ()
+        return sorted({each.node for each in self.publishers
                        if each.topic == topic and each.type == TF_MESSAGE})
 
     def node_of(self, authority: str) -> str:
         """Return the node of a publisher, by its gid; '' if it is not known."""
-        return next((each.node for each in self.publishers or () if each.gid == authority),
+        return next((each.node for each in self.publishers if each.gid == authority),
                     self.ended.get(authority, ''))
 
 
@@ -126,28 +122,22 @@ class Edge(NamedTuple):
     latest: int = 0
     cache_time: int = 0
     has_dropped: bool = False  #: True if it may have had older samples
+    is_full: bool = False  #: True if samples were dropped since there were too many
+    is_frozen: bool = False  #: True if several transforms have arrived, all with the same stamp
     authority: str = ''  #: the publisher
     silence: int = 0  #: since the last transform of the child has arrived
-    repeated: int = 0  #: the number of transforms that have arrived again
+    stalled: int = 0  #: from the arrival of the newest stamp to that of the last transform
+    offsets: Sequence[int] = ()  #: the newest stamp minus its arrival, in some seconds
     refused: int = 0  #: the number of transforms that were older than the cache
     refused_stamp: int = 0  #: the stamp of the last one
     refused_authority: str = ''  #: its publisher
     is_refusing: bool = False  #: True if the last one was refused
-    nanosec: int = 0  #: a `nanosec` of its stamps that is 10**9 or more; 0: there is none
-    is_full: bool = False  #: True if samples were dropped since there were too many
-    stalled: int = 0  #: from the arrival of the newest stamp to that of the last transform
-    offsets: Sequence[int] = ()  #: the newest stamp minus its arrival, in some seconds
 
     @property
     def period(self) -> int:
         """The mean time between samples (ns), at least 1."""
         mean = (self.latest - self.oldest) // max(self.samples - 1, 1)
         return max(min(mean, OTHER_CLOCK), 1)
-
-    @property
-    def is_frozen(self) -> bool:
-        """Whether several transforms have arrived, all with the same stamp."""
-        return is_frozen(self.oldest, self.latest, self.samples + self.repeated)
 
 
 NO_EDGE = Edge()
@@ -161,8 +151,8 @@ class Frames(NamedTuple):
     changed: Sequence[str] = ()  #: the frames that have had several parents
     #: Returns the parent of a frame, and before it those that it has, too.
     parents: Callable[[str], Sequence[Parent]] = lambda name: ()
-    #: Returns how many transforms of a frame were refused, and the publisher of the last one, by
-    #: the code of the cause.
+    #: Returns how many transforms of a frame were refused (of `nanosec`: its value), and the
+    #: publisher of the last one, by the code of the cause.
     refusals: Callable[[str], Mapping[str, tuple[int, str]]] = lambda name: {}
     missing_part: tuple[str, str] = '', ''  #: which part of a bag is missing, and the remedy
     takes_ns: bool = False  #: True if the times of the buffer are integers
@@ -191,15 +181,9 @@ class Facts:
     is_duration: bool = False  #: True if a Duration was passed as a time
 
     @cached_property
-    def not_known(self) -> set[str]:
-        """What no rule may need."""
-        found = {name for name, value in self.around._asdict().items() if value is None}
-        return found | {'listener'} if not self.around.topics else found
-
-    @cached_property
     def heard(self) -> Sequence[Heard]:
         """What publishers have sent while one listened for a moment, once."""
-        return self.around.listen() if self.around.listen else ()
+        return self.around.listen()
 
     def has_sent(self, node: str) -> bool:
         return any(node in each.nodes for each in self.heard)
@@ -217,7 +201,7 @@ class Facts:
     def offset(self) -> int:
         """The newest stamp at its arrival minus the clock of the node (ns); 0: not known."""
         edge, around = self.edge, self.around
-        if not edge.child or not around.now or around.is_simulated:
-            return 0  # a simulated clock has not the rate of `silence`
         newest = edge.refused_stamp if edge.is_refusing else edge.latest + edge.stalled
-        return newest + edge.silence - around.now
+        offset = newest + edge.silence - around.now if edge.child and around.now else 0
+        # A simulated clock has not the rate of `silence`.
+        return 0 if around.is_simulated and abs(offset) <= OTHER_CLOCK else offset

@@ -15,6 +15,7 @@ from puretf._text.times import exact_time, SECOND
 #: The rules, by their codes.
 RULES: dict[str, Rule] = {}
 _rule = registry(RULES)
+_own_rule = partial(_rule, is_on_wire=False)  #: of a fault of the process that looks up
 _NOT_THERE = 'missing', 'unconnected'
 _NAMES = *_NOT_THERE, 'typo'
 _NO_DATA = *_NOT_THERE, 'silence'
@@ -22,6 +23,7 @@ _NOTHING = 'missing', 'silence'
 _TIMES = 'past', 'future'
 _SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, with a '
                'StaticTransformBroadcaster.')
+SIM_TIME = 'Set use_sim_time in all nodes, or in none.'
 PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
 PLAY = 'Play the bag with --clock, and set use_sim_time.'
 #: No cache time that is longer than this (ns) is proposed.
@@ -30,10 +32,9 @@ LONGEST_CACHE = 600 * SECOND
 _ONCE = 5 * SECOND
 #: The largest number of names, and of roots, that are compared with those of other trees.
 _MAX_COMPARED, _MAX_ROOTS = 5000, 100
-#: Stamps may be so far (ns) behind the clock, since they are computed late, or ahead on purpose.
-_LATE, _ON_PURPOSE = 3 * SECOND, 5 * SECOND
-#: No program dates its transforms so far (ns) ahead or behind.
-_LARGE = 10 * SECOND
+#: Stamps may be so far (ns) behind the clock, since they are computed late, or ahead on purpose;
+#: no program dates its transforms so far ahead or behind.
+_LATE, _ON_PURPOSE, _LARGE = 3 * SECOND, 5 * SECOND, 10 * SECOND
 
 
 def _is_played(facts: Facts) -> bool:
@@ -65,31 +66,28 @@ def _of(word: str, nodes: Sequence[str]) -> str:
 # In this process
 
 
-@_rule('time_is_duration', 'Pass a Duration as timeout=.', 'other', symptoms=(*_NAMES, *_TIMES),
-       is_on_wire=False)
+@_own_rule('time_is_duration', 'Pass a Duration as timeout=.', 'other', (*_NAMES, *_TIMES))
 def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
     if facts.is_duration:
         yield Evidence('The time is a Duration')
 
 
-@_rule('time_in_seconds', 'Pass times in ns.', 'past', symptoms=['past'], is_on_wire=False)
+@_own_rule('time_in_seconds', 'Pass times in ns.', 'past', ['past'])
 def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
     if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * SECOND <= facts.edge.latest:
         yield Evidence(f'{facts.time} s is within the data, {facts.time} ns is not')
 
 
-@_rule('no_listener', 'Create a TransformListener with this buffer.', 'missing_frame',
-       symptoms=['missing'], is_on_wire=False)
+@_own_rule('no_listener', 'Create a TransformListener.', 'missing_frame', ['missing'])
 def _no_listener(facts: Facts) -> Iterator[Evidence]:
     if facts.buffer.needs_listener and not facts.around.topics and not facts.buffer.names:
         yield Evidence('No TransformListener fills this buffer')
 
 
-@_rule('executor_blocked', '{remedy}', 'own_node', symptoms=('future', *_NOT_THERE),
-       needs=['listener'], is_on_wire=False)
+@_own_rule('executor_blocked', '{remedy}', 'own_node', ('future', *_NOT_THERE), needs=['listener'])
 def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
     around, waited, edge = facts.around, facts.waited, facts.edge
-    found = {each.node for each in around.publishers or () if each.type == TF_MESSAGE}
+    found = {each.node for each in around.publishers if each.type == TF_MESSAGE}
     what = f'Nobody publishes on {around.topics[-1]} but'
     if edge.child:
         what, of_edge = 'It is published by', around.node_of(edge.authority)
@@ -106,7 +104,7 @@ def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
 # Names and parents
 
 
-@_rule('missing_part', '{remedy}', 'split_bag', symptoms=_NAMES)
+@_rule('missing_part', '{remedy}', 'split_bag', _NAMES)
 def _missing_part(facts: Facts) -> Iterator[Evidence]:
     text, remedy = facts.buffer.missing_part
     if text:
@@ -114,7 +112,7 @@ def _missing_part(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('changing_parent', 'Let only one parent be published for {frame}.', 'jump',
-       symptoms=('unconnected', *_TIMES))
+       ('unconnected', *_TIMES))
 def _changing_parent(facts: Facts) -> Iterator[Evidence]:
     edge, buffer = facts.edge, facts.buffer
     for frame in buffer.changed:
@@ -141,8 +139,8 @@ def _pairs(facts: Facts) -> Iterator[tuple[str, list[str], str, list[str]]]:
                 yield root, trees.get(root, []), other, names
 
 
-@_rule('similar_name', 'If they are one frame, use one name.', 'two_trees',
-       symptoms=['unconnected'], severity='warning')
+@_rule('similar_name', 'If they are one frame, use one name.', 'two_trees', ['unconnected'],
+       severity='warning')
 def _similar_name(facts: Facts) -> Iterator[Evidence]:
     """Find roots with almost the name of a frame in another tree."""
     for root, tree, other, names in _pairs(facts):
@@ -155,7 +153,7 @@ def _similar_name(facts: Facts) -> Iterator[Evidence]:
 
 
 @_rule('part_prefix', 'If they are, give all frames of the robot the same prefix, or none.',
-       'two_trees', symptoms=['unconnected'], explains=('several_trees', 'disconnected'))
+       'two_trees', ['unconnected'], explains=('several_trees', 'disconnected'))
 def _part_prefix(facts: Facts) -> Iterator[Evidence]:
     """Find robots of whose frames only a part has a prefix."""
     parents = facts.buffer.newest
@@ -185,88 +183,65 @@ def _refusals(code: str, what: str, facts: Facts) -> Iterator[Evidence]:
 
 for _code, _what, _remedy in (
         ('not_a_number', 'a number is NaN or infinite',
-         'Find out where the program computes it: often a division by zero, or a missing '
-         'measurement.'),
+         'Find out where it is computed: often a division by zero, or a missing measurement.'),
         ('unnormalized', 'the quaternion is zero', 'Set its rotation; w = 1 is none.'),
         ('loop', 'the frame is its own parent', 'Publish it with another parent.'),
         ('empty_name', 'the other name is empty', 'Set frame_id and child_frame_id.')):
-    _rule(_code, _remedy, 'other', symptoms=(*_NAMES, 'future'))(
-        partial(_refusals, _code, _what))
+    _rule(_code, _remedy, 'other', (*_NAMES, 'future'))(partial(_refusals, _code, _what))
 
 
 def _refused(count: int, child: str, nodes: Sequence[str]) -> str:
-    return (f'{count} transform{"s" * (count != 1)} of {quoted(child)}{_of("from", nodes)} '
-            f'{"was" if count == 1 else "were"} refused')
+    return f'Transforms of {quoted(child)}{_of("from", nodes)} were refused, {count} in all'
 
 
-@_rule('zero_stamp', 'Set header.stamp to the time of the transform.', 'clock', symptoms=_TIMES)
+@_rule('zero_stamp', 'Set header.stamp to the time of the transform.', 'clock', _TIMES)
 def _zero_stamp(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.oldest == facts.edge.latest == 0:
         yield Evidence('All its stamps are 0')
 
 
-@_rule('use_sim_time_differs', 'Set use_sim_time in all nodes, or in none.', 'clock',
-       symptoms=_TIMES, needs=('now', 'clock_nodes'))
-def _use_sim_time_differs(facts: Facts) -> Iterator[Evidence]:
-    """One of time and data is on the clock of the node, the other one is not."""
-    edge, around, now = facts.edge, facts.around, facts.around.now
-    if not around.clock_nodes or not now or abs(facts.time - edge.latest) <= OTHER_CLOCK:
-        return
-    is_time = abs(facts.time - now) <= OTHER_CLOCK
-    is_data = edge.oldest - OTHER_CLOCK <= now <= edge.latest + edge.silence + OTHER_CLOCK or (
-        bool(edge.refused) and abs(edge.refused_stamp - now) <= OTHER_CLOCK
-        < abs(edge.latest - around.system_now))
-    # An old time is on no other clock, unless it fits one.
-    is_other = (abs(facts.time - around.system_now) <= OTHER_CLOCK if around.is_simulated else
-                facts.time < SINCE_START)
-    if is_time != is_data and (is_time or is_other):
-        on, off = ('requested time is', 'data are') if is_time else (
-            'data are', 'requested time is')
-        yield Evidence(
-            f'The {on} on the clock of this node, the {off} not, and '
-            f'{listed(around.clock_nodes)} publish{"es" * (len(around.clock_nodes) == 1)} /clock')
+def _is_simulation(facts: Facts, time: int) -> bool:
+    """Return whether a time or the clock of the node, but not both, is simulated."""
+    around = facts.around
+    return bool(around.clock_nodes) and (time < SINCE_START) != (around.now < SINCE_START)
 
 
-@_rule('time_goes_back', '{remedy}', 'old_data', symptoms=_TIMES)
+@_rule('time_goes_back', '{remedy}', 'old_data', _TIMES)
 def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     edge, around = facts.edge, facts.around
     is_cause = (edge.is_refusing and facts.time <= edge.latest + OTHER_CLOCK
                 if facts.symptom == 'future' else facts.time <= edge.refused_stamp + RECENT)
     if edge.refused and is_cause:
-        both = edge.refused_authority, edge.authority
-        old, new = map(around.node_of, both)
-        is_shared = old and new and old != new and around.ended.keys().isdisjoint(both)
+        old, new = map(around.node_of, (edge.refused_authority, edge.authority))
         yield Evidence(
             f'{_refused(edge.refused, edge.child, [old])}, since one at {exact_time(edge.latest)}'
             f'{_of("from", [new])} is newer by more than the cache time',
-            {'remedy': PLAY if _is_played(facts) else
-             f'Let only one node send {quoted(edge.child)}.' if is_shared else
-             'Clear the buffer; if it happens again, stop the node with the later clock.'})
+            {'remedy': PLAY if _is_played(facts) else SIM_TIME if _is_simulation(
+                facts, edge.latest) else 'Clear the buffer; if it happens again, let only one '
+             'node send it.'})
 
 
-@_rule('nanosec', 'Split the time into sec and nanosec, as rclpy.time.Time.to_msg() does.',
-       'clock', symptoms=_TIMES)
+@_rule('nanosec', 'Split the time into sec and nanosec, as Time.to_msg() does.', 'clock', _TIMES)
 def _nanosec(facts: Facts) -> Iterator[Evidence]:
-    if facts.edge.nanosec:
-        yield Evidence(f'nanosec of its stamps is {facts.edge.nanosec}, not below {SECOND}')
+    nanosec, _ = facts.buffer.refusals(facts.edge.child).get('nanosec', (0, ''))
+    if nanosec:
+        yield Evidence(f'nanosec of its stamps is {nanosec}, not below {SECOND}')
 
 
 # What the ROS graph shows
 
 
-@_rule('wrong_type', 'Send transforms with a TransformBroadcaster or a '
-       'StaticTransformBroadcaster.', 'missing_frame', symptoms=_NO_DATA,
-       explains=['no_transforms'])
+@_rule('wrong_type', 'Send with a TransformBroadcaster or a StaticTransformBroadcaster.',
+       'missing_frame', _NO_DATA, explains=['no_transforms'])
 def _wrong_type(facts: Facts) -> Iterator[Evidence]:
     """Find messages of another type on /tf and /tf_static; no listener receives them."""
-    for node, topic, kind in dict.fromkeys(each[:3] for each in facts.around.publishers or ()):
+    for node, topic, kind in dict.fromkeys(each[:3] for each in facts.around.publishers):
         if kind != TF_MESSAGE:
             yield Evidence(f'{shortened(node) or "a node"} publishes {shortened(kind)} on '
                            f'{topic}, not {TF_MESSAGE}', nodes=[node], topics=[topic])
 
 
-@_rule('volatile_listener', 'Omit static_qos, or make it transient local.', 'tf_static',
-       symptoms=_NO_DATA, needs=['publishers'])
+@_rule('volatile_listener', 'Omit static_qos, or make it transient local.', 'tf_static', _NO_DATA)
 def _volatile_listener(facts: Facts) -> Iterator[Evidence]:
     if facts.around.is_volatile:
         yield Evidence(f'This listener of {facts.around.topics[0]} is not transient local, so it '
@@ -276,15 +251,13 @@ def _volatile_listener(facts: Facts) -> Iterator[Evidence]:
 def _unmatched(lack: str, facts: Facts) -> Iterator[Evidence]:
     """Find publishers that do not offer what listeners require."""
     for topic in facts.around.topics:
-        nodes = [each.node for each in facts.around.publishers or () if each.topic == topic and (
+        nodes = [each.node for each in facts.around.publishers if each.topic == topic and (
             each.type == TF_MESSAGE and each.lacks == lack and _may_send(facts, each.node))]
         if nodes:
             names = sorted({*nodes} - {''})
             yield Evidence(
-                f'{len(nodes)} publisher{"s" * (len(nodes) > 1)} on {topic}'
-                f'{f" ({listed(names)})" if names else ""} {"are" if len(nodes) > 1 else "is"} '
-                f'not {lack}: listeners that require it receive nothing', nodes=names,
-                topics=[topic])
+                f'Publishers on {topic} ({listed(names) or len(nodes)}) are not {lack}: '
+                'listeners that require it receive nothing', nodes=names, topics=[topic])
 
 
 def _may_send(facts: Facts, node: str) -> bool:
@@ -299,33 +272,24 @@ for _code, _lack, _remedy in (
         ('static_not_latched', 'transient local', 'Send with a StaticTransformBroadcaster.'),
         ('incompatible_qos', 'reliable', 'Send with a TransformBroadcaster, or pass a best-effort '
          'qos to the TransformListener.')):
-    _rule(_code, _remedy, 'tf_static', symptoms=_NO_DATA, needs=['publishers'],
-          explains=['no_transforms'], meaning=_unmatched.__doc__)(partial(_unmatched, _lack))
+    _rule(_code, _remedy, 'tf_static', _NO_DATA, explains=['no_transforms'],
+          meaning=_unmatched.__doc__)(partial(_unmatched, _lack))
 
 
-@_rule('other_namespace', 'To listen to {topic}, pass {options}.', 'namespace', symptoms=_NO_DATA,
-       explains=['no_transforms'], severity='warning')
+@_rule('other_namespace', "To listen to {topic}, pass tf_topic='{topic}', tf_static_topic="
+       "'{topic}_static' to the TransformListener, or to a command: --ros-args -r /tf:={topic} "
+       '-r /tf_static:={topic}_static.', 'namespace', _NO_DATA, explains=['no_transforms'],
+       severity='warning')
 def _other_namespace(facts: Facts) -> Iterator[Evidence]:
     """Find transforms on the topic tf of a namespace, while /tf has none."""
     around = facts.around
-    if around.other_topics and len(around.topics) > 1 and not around.is_fed:
-        first = shortened(around.other_topics[0])
+    if around.other_topics and len(around.topics) > 1:
         yield Evidence(f'No transform has arrived on {around.topics[-1]}, but transforms are '
                        f'published on {listed(around.other_topics)}',
-                       {'topic': first, 'options': _listening_to(first)},
-                       topics=around.topics[-1:])
+                       {'topic': shortened(around.other_topics[0])}, topics=around.topics[-1:])
 
 
-def _listening_to(topic: str) -> str:
-    namespace, _, name = topic.rpartition('/')
-    option = (f'pass --ros-args -r /tf:={topic} -r /tf_static:={topic}_static' if name != 'tf' else
-              f'pass --namespace {namespace[1:]}' if namespace else 'omit --namespace')
-    return (f"tf_topic='{topic}', tf_static_topic='{topic}_static' to the TransformListener; in "
-            f'commands, {option}')
-
-
-@_rule('half_namespace', '{remedy}', 'half_namespace', symptoms=_NAMES, needs=['listener'],
-       is_costly=True,
+@_rule('half_namespace', '{remedy}', 'half_namespace', _NAMES, needs=['listener'], is_costly=True,
        explains=('silent_publisher', 'several_trees', 'disconnected', 'other_namespace'))
 def _half_namespace(facts: Facts) -> Iterator[Evidence]:
     topics, parents = facts.around.topics, facts.buffer.newest
@@ -339,10 +303,9 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
                     for root in {*tree.values()} - tree.keys())
     for base in sorted(trees, key=lambda base: (namespace_distance(base, own), base)):
         tree = trees[base]
-        joints = {frame for frame in (
-            *(tree.keys() & parents.values()), *(parents.keys() & tree.values()))
-            # The whole tree of another robot has the same children, or no frame in common.
-            if roots[frame] < 2 and tree.keys().isdisjoint(parents)}
+        # The whole tree of another robot has the same children, or no frame in common.
+        joints = {frame for frame in {*tree, *tree.values()} & {*parents, *parents.values()}
+                  if roots[frame] < 2 and tree.keys().isdisjoint(parents)}
         wanted = ([root for root in facts.roots if root in joints] if facts.roots else
                   facts.names or sorted(joints)[:1])
         found = [child for child in tree if child in wanted] or [
@@ -350,31 +313,28 @@ def _half_namespace(facts: Facts) -> Iterator[Evidence]:
         for child in found[:1] if may_be_one_robot(base, own) else ():
             sender = next(each for each in others if each.topic.removesuffix('_static') == base
                           and each.parents.get(child) == tree[child])
-            longest = shortened(max(own, base, key=len))
             yield Evidence(
                 f'{quoted(tree[child])} -> {quoted(child)} is published on '
                 f'{shortened(sender.topic)}{_of("by", sender.nodes)}, not on '
                 f'{" and ".join(topics[::-1])}',
                 {'remedy': 'Use a TransformListener.' if own == base else
-                 'Remap both /tf and /tf_static in all nodes of the robot (--ros-args '
-                 f'-r /tf:={longest} -r /tf_static:={longest}_static), or in none of them.'
+                 'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.'
                  if joints else ''}, sender.nodes, [sender.topic], [tree[child], child])
 
 
 @_rule('no_clock', 'Start what publishes /clock, or set use_sim_time to false.', 'clock',
-       symptoms=(*_NO_DATA, *_TIMES, 'cleared'), needs=['clock_nodes'],
-       explains=('gap', 'other_clock', 'no_transforms'))
+       (*_NO_DATA, *_TIMES, 'cleared'), explains=('gap', 'other_clock', 'no_transforms'))
 def _no_clock(facts: Facts) -> Iterator[Evidence]:
     """Find nodes that wait for /clock, which nothing publishes."""
     around, symptom = facts.around, facts.symptom
     if around.clock_nodes:
         return
     has_stopped = symptom == 'future' and not facts.arrives
-    keeps_nothing_away = symptom in _NOT_THERE and around.has_data
-    if around.is_simulated and (around.now == 0 or has_stopped) and not keeps_nothing_away:
+    if around.is_simulated and (around.now == 0 or has_stopped) and not (
+            symptom in _NOT_THERE and around.has_data):
         yield Evidence('use_sim_time is set in this node, but nothing publishes /clock')
     if symptom in ('none', *_NO_DATA):
-        publishers = {each.node for each in around.publishers or ()}
+        publishers = {each.node for each in around.publishers}
         waiting = sorted(
             node for node, topic in around.waits_for.items() if topic == '/clock'
             and node != around.node and (symptom == 'none' or node in publishers)
@@ -384,11 +344,11 @@ def _no_clock(facts: Facts) -> Iterator[Evidence]:
                            'nothing publishes', nodes=waiting)
 
 
-@_rule('joint_without_state', '{remedy}', 'missing_frame', symptoms=_NO_DATA, needs=['publishers'],
+@_rule('joint_without_state', '{remedy}', 'missing_frame', _NO_DATA,
        explains=('no_transforms', 'link_without_transform'))
 def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
     states = facts.around.joint_states
-    for node in dict.fromkeys(each.node for each in facts.around.publishers or ()):
+    for node in dict.fromkeys(each.node for each in facts.around.publishers):
         topic = facts.around.waits_for.get(node, '/clock')
         # An arm may listen to positions to be set, as on joint_command, without need.
         if 'joint_state' in topic and not (facts.symptom == 'none' and facts.has_sent(node)):
@@ -399,61 +359,49 @@ def _joint_without_state(facts: Facts) -> Iterator[Evidence]:
                 {'remedy': remap(topic, other) if other else
                  f'If a joint moves the frame, start a program that publishes {topic}.'},
                 [node], [topic])
-            return
 
 
 def remap(topic: str, other: str) -> str:
     return f'Remap one of them: -r {topic}:={shortened(other)}.'
 
 
-@_rule('no_robot_state_publisher', 'Start robot_state_publisher FILE.', 'missing_frame',
-       symptoms=_NOTHING, needs=['publishers'], explains=['no_transforms'])
-def _no_robot_state_publisher(facts: Facts) -> Iterator[Evidence]:
-    """Find joint states while nothing publishes transforms."""
-    around = facts.around
-    topics = [] if around.other_topics else [*around.joint_states][:1]
-    if topics and not (around.has_data or around.publishers or around.is_new):
-        yield Evidence(f'{topics[0]} has a publisher, but nothing publishes transforms',
-                       nodes=around.joint_states[topics[0]], topics=topics)
-
-
-@_rule('no_transforms', 'Start a program that publishes, with the same ROS_DOMAIN_ID.',
-       'missing_frame', symptoms=_NOTHING, needs=['publishers'], is_costly=True)
+@_rule('no_transforms', 'Start {program}.', 'missing_frame', _NOTHING, needs=['listener'],
+       is_costly=True)
 def _no_transforms(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     if not (around.has_data or around.publishers or around.is_new):
-        yield Evidence('. '.join(filter(None, (
-            f'0 publishers on {" and ".join(around.topics[::-1])} were found in ROS domain '
-            f'{around.domain}', around.other_domains().strip(' .'),
-            around.hides_others and f'{around.hides_others} hides other machines'))))
+        states = '' if around.other_topics else next(iter(around.joint_states), '')
+        yield Evidence(
+            f'0 publishers on {" and ".join(around.topics[::-1])} were found in '
+            f'{around.domain()}{f". {states} has a publisher" if states else ""}',
+            {'program': 'robot_state_publisher FILE' if states else
+             'a program that publishes, with the same ROS_DOMAIN_ID'})
 
 
-@_rule('other_user', 'Run all nodes as one user.', 'missing_frame', symptoms=_NOTHING,
-       is_costly=True, explains=('no_transforms', 'silent_publisher'))
+@_rule('other_user', 'Run all nodes as one user.', 'missing_frame', _NOTHING, is_costly=True,
+       explains=('no_transforms', 'silent_publisher'))
 def _other_user(facts: Facts) -> Iterator[Evidence]:
     """Find nodes of another user, from which Fast DDS brings nothing."""
     around = facts.around
     # The names of nodes are received by the way on which nothing arrives.
-    if {each.node for each in around.publishers or ()} == {UNKNOWN} and not (
+    if {each.node for each in around.publishers} == {UNKNOWN} and not (
             around.has_data or around.is_new) and (user := around.other_user()):
         yield Evidence(f'{user} runs nodes in this domain on this computer, and Fast DDS shares '
                        'no memory with other users', topics=around.topics[::-1])
 
 
-@_rule('silent_publisher', '', 'missing_frame', symptoms=_NOT_THERE, is_costly=True,
-       severity='info')
+@_rule('silent_publisher', '', 'missing_frame', _NOT_THERE, is_costly=True, severity='info')
 def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
     """Find publishers on /tf and /tf_static from which nothing arrives."""
     around, buffer = facts.around, facts.buffer
     sent = {each.gid for each in facts.heard if each.topic in around.topics}
     heard = {child for each in facts.heard for child in each.parents}
-    # Who sends what the buffer has, and was not heard now, is not known.
-    if not around.has_data or not buffer.newest.keys() <= heard or '' in sent:
+    # Who sends what the buffer has, and was not heard now, is not known; and a frame may have been
+    # handed over by a node that sends nothing now.
+    if not around.has_data or '' in sent or not buffer.newest.keys() <= heard or any(
+            frame in buffer.changed for name in facts.names for frame in buffer.chain(name)):
         return
-    # A frame may have been handed over by a node that sends nothing now.
-    if any(frame in buffer.changed for name in facts.names for frame in buffer.chain(name)):
-        return
-    silent = {each.node: each.topic for each in around.publishers or ()
+    silent = {each.node: each.topic for each in around.publishers
               if each.type == TF_MESSAGE and each.gid not in sent and each.node != around.node
               and not each.lacks}
     players = [node for node, topic in silent.items()
@@ -464,53 +412,49 @@ def _silent_publisher(facts: Facts) -> Iterator[Evidence]:
     if nodes:
         topics = [*dict.fromkeys(silent[node] for node in nodes)]
         offset = ': a start offset leaves out the static transforms before it' if players else ''
-        yield Evidence(f'{listed(nodes)} ha{"ve" if len(nodes) > 1 else "s"} a publisher on '
-                       f'{", ".join(topics)}, but nothing arrives from there{offset}',
-                       nodes=nodes, topics=topics)
+        yield Evidence(f'Nothing arrives from the publishers of {listed(nodes)} on '
+                       f'{", ".join(topics)}{offset}', nodes=nodes, topics=topics)
 
 
 # Times without data
 
 
-@_rule('two_clocks', 'Stop all but one.', 'two_nodes', symptoms=('cleared', *_TIMES),
-       needs=['clock_nodes'])
+@_rule('two_clocks', 'Stop all but one.', 'two_nodes', ('cleared', *_TIMES))
 def _two_clocks(facts: Facts) -> Iterator[Evidence]:
-    nodes = facts.around.clock_nodes or ()
+    nodes = facts.around.clock_nodes
     if facts.around.is_simulated and len(nodes) > 1:
-        yield Evidence(f'{len(nodes)} nodes publish /clock, so that the time jumps between them: '
-                       f'{listed(nodes)}')
+        yield Evidence(f'{len(nodes)} nodes publish /clock, and the time jumps: {listed(nodes)}')
 
 
-@_rule('frozen_stamp', _SEND_AGAIN, 'one_time', symptoms=_TIMES)
+@_rule('frozen_stamp', _SEND_AGAIN, 'one_time', _TIMES)
 def _frozen_stamp(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.is_frozen and not facts.edge.refused:
         yield Evidence('All that have arrived have this stamp')
 
 
-@_rule('one_shot', _SEND_AGAIN, 'one_time', symptoms=_TIMES, needs=['listener'])
+@_rule('one_shot', _SEND_AGAIN, 'one_time', _TIMES, needs=['listener'])
 def _one_shot(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     if edge.samples == 1 and edge.silence > _ONCE and not (edge.has_dropped or edge.refused):
         yield Evidence(f'Only one has arrived, {edge.silence / SECOND:.1f} s ago')
 
 
-@_rule('message_other_clock', 'If a message has it, correct the clock of its sender.', 'clock',
-       symptoms=_TIMES, needs=('now', 'listener'))
+@_rule('message_other_clock', '{remedy}', 'clock', _TIMES)
 def _message_other_clock(facts: Facts) -> Iterator[Evidence]:
-    now = facts.around.now
-    if not now or not facts.arrives or not _is_in_time(facts):
-        return
-    offset = facts.time - now + round(facts.waited.seconds * SECOND)
-    if is_off(offset, facts.time, now) and (offset < 0 or (
-            facts.time > facts.edge.latest + RECENT
-            and (offset > _LATE or not facts.around.is_simulated))):
-        yield Evidence(f'That time is {apart(offset, facts.time)} the clock of this node, and '
-                       'the data are in time')
+    around, time = facts.around, facts.time
+    offset = time - around.now + round(facts.waited.seconds * SECOND)
+    is_other = is_off(offset, time, around.now) and (offset < 0 or (
+        time > facts.edge.latest + RECENT and (offset > _LATE or not around.is_simulated)))
+    if is_other and around.now and facts.arrives and _is_in_time(facts):
+        yield Evidence(
+            f'That time is {apart(offset, time)} the clock of this node, and the data are in time',
+            {'remedy': SIM_TIME if _is_simulation(facts, time) else
+             'If a message has it, correct the clock of its sender.'})
 
 
-@_rule('other_clock', '{remedy}', 'clock', symptoms=_TIMES)
+@_rule('other_clock', '{remedy}', 'clock', _TIMES)
 def _other_clock(facts: Facts) -> Iterator[Evidence]:
-    edge, offset, now = facts.edge, facts.offset, facts.around.now or 0
+    edge, offset, now = facts.edge, facts.offset, facts.around.now
     # A network that is late for a while delays some of the data, not all.
     is_steady = abs(offset) > _LARGE or not edge.offsets or (
         max(edge.offsets) - min(edge.offsets) <= RECENT)
@@ -518,14 +462,14 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
             abs(facts.time - now) <= OTHER_CLOCK):
         yield Evidence(
             f'The data are {apart(offset, edge.latest)} the clock of this node',
-            {'remedy': RULES['use_sim_time_differs'].remedy if facts.around.clock_nodes else
+            {'remedy': SIM_TIME if facts.around.clock_nodes else
              PLAY if _is_played(facts) else
              'If they are simulated, publish /clock and set use_sim_time; else stamp them with '
              'the present time.' if edge.latest < SINCE_START else
              'If this is not on purpose, synchronise the clocks of the computers.'})
 
 
-@_rule('gap', 'Start {node} again.', 'future', symptoms=['future'])
+@_rule('gap', 'Start {node} again.', 'future', ['future'])
 def _gap(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     node = around.ended.get(facts.edge.authority, '')
@@ -534,44 +478,27 @@ def _gap(facts: Facts) -> Iterator[Evidence]:
                        {'node': shortened(node)})
 
 
-@_rule('too_soon', '{remedy}.', 'future', symptoms=['future'], is_on_wire=False)
+@_own_rule('too_soon', 'Pass a timeout= of more than {time} s{more}.', 'future', ['future'])
 def _too_soon(facts: Facts) -> Iterator[Evidence]:
-    edge, waited = facts.edge, facts.waited
+    edge = facts.edge
     ahead = facts.time - edge.latest
-    if not facts.arrives or ahead > OTHER_CLOCK or edge.stalled > RECENT:
-        return
-    # Until the next one with a later stamp; in a simulation, how long this takes is not known.
-    wait = 0 if facts.around.is_simulated else (
-        -(-ahead // edge.period) * edge.period - edge.silence)
-    yield Evidence('Data still arrive, so this transform is on its way', {'remedy': (
-        f'It has not come within {waited.seconds:g} s: pass a longer timeout=' if waited.seconds
-        else 'Pass timeout= to wait for it' if wait <= RECENT else
-        f'Pass a timeout= of more than {ceil(wait / SECOND * 10) / 10} s') + (
-            ', or look up Time() for the latest' if ahead > 0 else '')})
+    if facts.arrives and ahead <= OTHER_CLOCK and edge.stalled <= RECENT:
+        # Until the next one with a later stamp; in a simulation, how long this takes is not known.
+        wait = 0 if facts.around.is_simulated else (
+            -(-ahead // edge.period) * edge.period - edge.silence) / SECOND
+        yield Evidence('Data still arrive, so this transform is on its way', {
+            'time': ceil(max(wait, facts.waited.seconds, 0.1) * 10) / 10,
+            'more': ', or look up Time() for the latest' * (ahead > 0)})
 
 
-@_rule('cache_too_short', 'If that time is right, pass cache_time={cache} to the buffer, or look '
-       'up sooner.', 'past', symptoms=['past'], is_on_wire=False)
+@_own_rule('cache_too_short', 'If that time is right, pass {argument} to the buffer, or look up '
+           'sooner.', 'past', ['past'])
 def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
     edge = facts.edge
     age = edge.latest - facts.time
+    if edge.is_full and age <= edge.cache_time:
+        yield Evidence('Its earlier transforms have been dropped before the cache time was over',
+                       {'argument': 'a larger max_samples'})
     if edge.has_dropped and edge.cache_time < age <= LONGEST_CACHE and _is_in_time(facts):
-        yield Evidence(
-            f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
-            {'cache': f'{ceil(age / SECOND) + 1} s'})
-
-
-@_rule('too_many_samples', 'Pass a larger max_samples to the buffer.', 'past', symptoms=['past'],
-       is_on_wire=False)
-def _too_many_samples(facts: Facts) -> Iterator[Evidence]:
-    edge = facts.edge
-    if edge.is_full and edge.latest - facts.time <= edge.cache_time:
-        yield Evidence('Its earlier transforms have been dropped before the cache time was over')
-
-
-@_rule('cleared', 'Pass timeout= to wait for the next one.', 'jump_back', symptoms=['cleared'],
-       needs=['listener'], is_on_wire=False)
-def _cleared(facts: Facts) -> Iterator[Evidence]:
-    nodes = facts.around.clock_nodes or ()
-    if facts.around.is_simulated and len(nodes) == 1 and any(nodes):
-        yield Evidence(f'{shortened(nodes[0])} publishes /clock')
+        yield Evidence(f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
+                       {'argument': f'cache_time={ceil(age / SECOND) + 1} s'})

@@ -51,12 +51,12 @@ class Cause(NamedTuple):
 
 def registry(rules: dict[str, Rule]) -> Callable[..., Callable[[Any], Any]]:
     """Return a decorator that makes a rule of a function and its arguments, and adds it."""
-    def rule(code: str, remedy: str, section: str, **fields: Any
+    def rule(code: str, remedy: str, section: str, symptoms: Collection[str] = (), **fields: Any
              ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         def add(find: Callable[..., Any]) -> Callable[..., Any]:
             assert code not in rules
             fields.setdefault('meaning', find.__doc__ or '')
-            rules[code] = Rule(code, remedy, section, find, **fields)
+            rules[code] = Rule(code, remedy, section, find, symptoms, **fields)
             return find
 
         return add
@@ -75,9 +75,10 @@ def first_cause(rules: Iterable[Rule], facts: Any) -> Optional[Cause]:
 
     What is costly is only asked if no other rule is satisfied.
 
-    :param facts: the argument of the rules; `symptom`, and `not_known` has what is not known.
+    :param facts: the argument of the rules.
     """
-    for rule in sorted(known(rules, facts.not_known), key=attrgetter('is_costly')):
+    not_known = () if facts.around.topics else ('listener',)
+    for rule in sorted(known(rules, not_known), key=attrgetter('is_costly')):
         for evidence in rule.find(facts) if facts.symptom in rule.symptoms else ():
             text = f'{evidence.text}. {rule.remedy.format(**evidence.values)}'
             return Cause(rule.code, text.strip(), rule.section)

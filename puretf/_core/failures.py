@@ -3,8 +3,10 @@
 from functools import partial
 from itertools import takewhile
 from time import monotonic_ns
+from typing import TypeVar
 from weakref import ref
 
+from puretf import exceptions
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Edge, Facts, Frames, Look, NO_EDGE, RECENT, Symptom, Waited
 from puretf._core import texts
@@ -12,26 +14,18 @@ from puretf._core.frames import as_string
 from puretf._core.history import History
 from puretf._core.tree import END, FrameTree
 from puretf._text.names import quoted, see
-from puretf._text.times import is_frozen
-from puretf.exceptions import (
-    ConnectivityException,
-    Explanation,
-    ExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
-    TransformException,
-    with_explanation,
-)
+
+_Error = TypeVar('_Error', bound=exceptions.TransformException)
 
 
 def check(tree: FrameTree, name: str, where: str) -> None:
     """Raise tf2's error if a frame does not exist; its text names the caller, `where`."""
     problem = tree.problem(name)
     if problem == texts.UNKNOWN_FRAME:
-        raise with_explanation(LookupException(f'"{name}" passed to {where} does not exist. '),
-                               _explanation(tree, 'missing', (name,)))
+        raise _explained(exceptions.LookupException(
+            f'"{name}" passed to {where} does not exist. '), tree, 'missing', (name,))
     if problem:
-        raise InvalidArgumentException(
+        raise exceptions.InvalidArgumentException(
             f'Invalid argument "{name}" passed to {where} - {problem}')
 
 
@@ -48,110 +42,91 @@ def check_for_can_transform(tree: FrameTree, **frames: str) -> None:
             words = (f'Invalid frame ID "{name}" passed to canTransform argument {argument} - '
                      f'{problem}')
             if problem != texts.UNKNOWN_FRAME:
-                raise TransformException(words)
-            raise with_explanation(TransformException(f'{words}. '),
-                                   _explanation(tree, 'missing', (name,)))
+                raise exceptions.TransformException(words)
+            raise _explained(exceptions.TransformException(f'{words}. '), tree, 'missing', (name,))
 
 
 def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: str
-                  ) -> ExtrapolationException:
+                  ) -> exceptions.ExtrapolationException:
     """
     Create the error of a search that stopped at a frame without data for the time.
 
     tf2's words describe the frame at which the search stopped. This frame may be above the path,
-    since tf2 follows the ancestors of the source as far as there are data. What follows these
-    words describes the path itself.
-    """
-    history = tree.histories[frame]
-    assert isinstance(history, History)
-    words = texts.extrapolation(
-        len(history), history.oldest, history.latest, time, target, source)
-    return with_explanation(
-        ExtrapolationException(words), _why_not_at(tree, time, target, source, frame))
+    since tf2 follows the ancestors of the source as far as there are data.
 
-
-def _why_not_at(tree: FrameTree, time: int, target: str, source: str, stopped_at: str
-                ) -> Explanation:
+    What follows these words is about the path that follows the newest parents of the frames. Of
+    its edges, it names one whose stamp does not advance, or the one whose samples are farthest
+    from `time` (ns); if `time` is the newest stamp of an edge that does not arrive any more, this
+    edge. If all edges have data at `time`, the frames had other parents at that time. Then it
+    names the edge above `frame`. If the newest parents do not connect the two frames, it names the
+    roots of their two trees.
     """
-    Return the explanation of an ExtrapolationException.
-
-    It is about the path that follows the newest parents of the frames. Of the edges on this path,
-    it names one whose stamp does not advance, or the one whose samples are farthest from `time`
-    (ns); if `time` is the newest stamp of an edge that does not arrive any more, this edge. If all
-    edges on this path have data at `time`, the frames had other parents at that time. Then it
-    names the edge above `stopped_at`, the frame at which the search stopped. If the newest parents
-    do not connect the two frames, it names the roots of their two trees.
-    """
+    child, worst, widest, now = frame, tree.histories[frame], 0, monotonic_ns()
+    assert isinstance(worst, History)
+    error = exceptions.ExtrapolationException(texts.extrapolation(
+        len(worst), worst.oldest, worst.latest, time, target, source))
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
     if meeting is None:
-        return _why_unconnected(tree, target, source)
-    now, worst, widest = monotonic_ns(), stopped_at, 0
-    for frame in [each for chain in (from_source, from_target)
-                  for each in takewhile(meeting.__ne__, chain)]:
-        if isinstance(history := tree.histories[frame], History):
-            gap = history.distance_to(time)
-            # Then the latest time of all edges is its stamp.
-            if is_frozen(history.oldest, history.latest, len(history) + history.repeated) or (
-                    tree.needs_listener and history.latest == time
-                    and now - history.advance > RECENT):
-                gap = END
+        return _explained_by_roots(error, tree, target, source)
+    for each in [each for chain in (from_source, from_target)
+                 for each in takewhile(meeting.__ne__, chain)]:
+        if isinstance(history := tree.histories[each], History):
+            # In the second case, the latest time of all edges is the stamp of this one.
+            gap = END if history.is_frozen or (tree.needs_listener and history.latest == time
+                and now - history.advance > RECENT) else history.distance_to(time)
             if gap > widest:
-                worst, widest = frame, gap
-    history = tree.histories[worst]
-    assert isinstance(history, History)
-    if not len(history):
-        return _explanation(tree, 'cleared', (worst,))
-    return _explanation(
-        tree, 'past' if time < history.oldest else 'future', (target, source), (), time, Edge(
-            history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
-            tree.cache_time, history.start > 0, history.authority,
-            now - history.arrival, history.repeated, history.refused,
-            history.refused_stamp, history.refused_authority, history.is_refusing,
-            tree.nanosecs.get(worst, 0), history.is_full, history.arrival - history.advance,
-            history.offsets))
+                child, worst, widest = each, history, gap
+    if not len(worst):
+        return _explained(error, tree, 'cleared', (child,))
+    return _explained(
+        error, tree, 'past' if time < worst.oldest else 'future', (target, source), (), time, Edge(
+            worst.parent_at(0) or '', child, len(worst), worst.oldest, worst.latest,
+            tree.cache_time, worst.start > 0, worst.is_full, worst.is_frozen, worst.authority,
+            now - worst.arrival, worst.arrival - worst.advance, worst.offsets, worst.refused,
+            worst.refused_stamp, worst.refused_authority, worst.is_refusing))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END
-                ) -> ConnectivityException:
-    return with_explanation(ConnectivityException(
+                ) -> exceptions.ConnectivityException:
+    return _explained_by_roots(exceptions.ConnectivityException(
         f"Could not find a connection between '{target}' and '{source}' because they are not part "
-        'of the same tree.Tf has two or more unconnected trees.'),
-        _why_unconnected(tree, target, source, time))
+        'of the same tree.Tf has two or more unconnected trees.'), tree, target, source, time)
 
 
-def _why_unconnected(tree: FrameTree, target: str, source: str, time: int = END) -> Explanation:
-    """Explain that two frames have different roots at a time (ns)."""
+def _explained_by_roots(error: _Error, tree: FrameTree, target: str, source: str, time: int = END
+                        ) -> _Error:
+    """Let an error say that two frames have different roots at a time (ns)."""
     from_source, from_target, _ = tree.chains_to_meeting(source, target, time)
     roots = [*from_target][-1], [*from_source][-1]
     for root in roots[::-1]:
         if (history := tree.histories[root]) is not None and not len(history):
-            return _explanation(tree, 'cleared', (root,))
-    return _explanation(tree, 'unconnected', (target, source), roots)
+            return _explained(error, tree, 'cleared', (root,))
+    return _explained(error, tree, 'unconnected', (target, source), roots)
 
 
-def _explanation(tree: FrameTree, symptom: Symptom, names: tuple[str, ...],
-                 roots: tuple[str, ...] = (), time: int = 0, edge: Edge = NO_EDGE
-                 ) -> Explanation:
+def _explained(error: _Error, tree: FrameTree, symptom: Symptom, names: tuple[str, ...],
+               roots: tuple[str, ...] = (), time: int = 0, edge: Edge = NO_EDGE) -> _Error:
     """Copy what is known now; the rest is asked when the text is read, without the lock."""
     # A closure would cost more, since its cells are objects for the garbage collector.
-    return partial(_explain, ref(tree), tree.look, () if edge.child else tree.names, symptom,
-                   names, roots, time, edge)
+    return exceptions.with_explanation(error, partial(
+        _explain, ref(tree), tree.look, () if edge.child else tree.names, symptom, names, roots,
+        time, edge))
 
 
 def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: Symptom,
              names: tuple[str, ...], roots: tuple[str, ...], time: int, edge: Edge,
-             error: TransformException) -> tuple[str, tuple[str, ...]]:
+             error: exceptions.TransformException) -> tuple[str, tuple[str, ...]]:
     tree = tree_ref()
     return explain(Facts(symptom, look(), Frames(known) if tree is None else tree.facts(known),
                          names, roots, time, edge, error._waited or Waited(), error._is_duration))
 
 
-def too_long(tree: FrameTree, chain: list[str]) -> LookupException:
+def too_long(tree: FrameTree, chain: list[str]) -> exceptions.LookupException:
     """Return the error for a chain of ancestors that has too many edges, or is a loop."""
     # Copy the edges now, since the text of the error is written later, without the lock.
     edges = tree.newest_edges()
     words = 'The tf tree is invalid because it contains a loop.\n'
-    return with_explanation(LookupException(words), lambda _: (
+    return exceptions.with_explanation(exceptions.LookupException(words), lambda _: (
         f'{as_string(edges)}\n{_loop(chain)}', ('loop',)))
 
 

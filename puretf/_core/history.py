@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from puretf._core.pose import Columns, Pose, POSE_BYTES
 from puretf._core.slerp import interpolate_columns, NEAR
-from puretf._text.times import SECOND
+from puretf._text.times import is_frozen, SECOND
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
 #: them.
@@ -112,6 +112,11 @@ class History:
         """Add to `offsets`, which has one of each of the last eight seconds."""
         self.next_offset = self.advance + SECOND
         self.offsets = *self.offsets[-7:], self.latest - self.advance
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether several transforms have arrived, all with the same stamp."""
+        return is_frozen(self.oldest, self.latest, len(self) + self.repeated)
 
     @property
     def is_refusing(self) -> bool:

@@ -133,8 +133,8 @@ class Insertion:
                             stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
                             batch.authority, batch.is_static)
                     continue
-                if batch.nanosec:
-                    self._tree.note_nanosec(batch.children, batch.nanosec)
+                for child in batch.children if batch.nanosec else ():
+                    self._tree.note_refusal(child, 'nanosec', batch.authority, batch.nanosec)
                 number, count = len(batch.children), len(batch.stamps)
                 poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
                 is_finite = normalize_poses(poses)
@@ -197,12 +197,13 @@ class Insertion:
         history.is_full = True
         history.drop_before(history.start + surplus)
         self._room += surplus
-        if of_frame > 0:
-            self.log.warn_once('frame', texts.too_many_samples_of_a_frame(
-                child, self._max_samples_per_frame, authority))
-        if of_buffer > of_frame:
-            self.log.warn_once('buffer', texts.too_many_samples(
-                child, self._max_samples, authority))
+        for cause, is_reached, limit in (
+                ('TF_TOO_MANY_SAMPLES', of_frame > 0, f'at most {self._max_samples_per_frame} are '
+                 'kept of one frame with this cache time'),
+                ('TF_FULL_BUFFER', of_buffer > of_frame, 'max_samples of the buffer allows '
+                 f'{self._max_samples} dynamic transforms')):
+            if is_reached:
+                self.log.warn_once(cause, texts.too_many_samples(cause, child, authority, limit))
 
 
 def normalize_poses(poses: NDArray[np.float64]) -> bool:

@@ -22,12 +22,11 @@ LEADING_SLASH = "in tf2 frame_ids cannot start with a '/'"
 def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, source: str
                   ) -> str:
     """Return the text for a time (ns) outside of `count` samples from `oldest` to `latest`."""
-    if not count:
-        words = ''
-    elif count == 1:
+    words = ''
+    if count == 1:
         words = (f'Lookup would require extrapolation at time {display_time(time)}, but only time '
                  f'{display_time(latest)} is in the buffer')
-    else:
+    elif count:
         to, bound, limit = ('future', 'latest', latest) if time > latest else (
             'past', 'earliest', oldest)
         words = (f'Lookup would require extrapolation into the {to}.  Requested time '
@@ -76,9 +75,7 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
     return (f'TF_OLD_DATA ignoring data from the past for frame {_plain(child)} at time '
             f'{display_time(stamp)} according to authority {_plain(authority)}\n'
             f'It is {display_time(latest - stamp)} s older than the newest transform of this '
-            f'frame, and {display_time(cache_time)} s are kept. Usual causes: two nodes publish '
-            'the frame, a bag or a simulation has started again, or use_sim_time is set in some '
-            'nodes only. This is logged once per frame')
+            f'frame, and {display_time(cache_time)} s are kept. This is logged once per frame')
 
 
 # The warnings of this package, in the style of tf2's.
@@ -87,8 +84,7 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
 def too_many_frames(child: str, limit: int, authority: str) -> str:
     return (f'TF_TOO_MANY_FRAMES: Ignoring transform for {_of(child, authority)} because '
             f'max_frames of the buffer allows {limit} frames. All other transforms with a new '
-            'frame are ignored, too. Check whether a node publishes a new frame name again and '
-            'again')
+            'frame are ignored, too')
 
 
 def too_long_name(child: str, what: str, name: str, longest: int, authority: str) -> str:
@@ -97,18 +93,9 @@ def too_long_name(child: str, what: str, name: str, longest: int, authority: str
             f'has {size} bytes; at most {longest} are allowed')
 
 
-def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
-    return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of {_of(child, authority)} '
-            f'before the cache time is over: at most {limit} are kept of one frame with this '
-            'cache time. The oldest transforms of every other frame with too many transforms are '
-            'dropped, too. Check whether the stamps of this frame advance too slowly.')
-
-
-def too_many_samples(child: str, limit: int, authority: str) -> str:
-    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of {_of(child, authority)} before '
-            f'the cache time is over: max_samples of the buffer allows {limit} dynamic '
-            'transforms. The oldest transforms of every other frame that receives new transforms '
-            'are dropped, too. Use a shorter cache time, or raise max_samples.')
+def too_many_samples(code: str, child: str, authority: str, limit: str) -> str:
+    return (f'{code}: Dropping the oldest transforms of {_of(child, authority)} before the cache '
+            f'time is over: {limit}. Those of other frames are dropped, too, if they are too many')
 
 
 class ThrottledLog:

@@ -36,10 +36,9 @@ class FrameTree:
         self.look: Look = Surroundings
         #: By child: the parents that it has had before, the latest last.
         self._earlier: dict[str, dict[str, Parent]] = {}
-        #: By child, then by reason: how many transforms were refused, and the last publisher.
+        #: By child, then by the code of a cause: how many transforms were refused, or a `nanosec`
+        #: of a stamp that was 10**9 or more; and the last publisher.
         self._refusals: dict[str, dict[str, tuple[int, str]]] = {}
-        #: By child: the last `nanosec` of a stamp that was 10**9 or more.
-        self.nanosecs: dict[str, int] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,15 +55,14 @@ class FrameTree:
         for name, history in self.histories.items():
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
-        for facts in self._earlier, self._refusals, self.nanosecs:
-            facts.clear()
+        self._earlier.clear()
+        self._refusals.clear()
 
     def copy_facts(self, other: 'FrameTree') -> None:
         """Take what another tree knows beside its histories."""
         self.missing_part = other.missing_part
         self._earlier = {name: dict(each) for name, each in other._earlier.items()}
         self._refusals = {name: dict(each) for name, each in other._refusals.items()}
-        self.nanosecs = dict(other.nanosecs)
 
     def note_parents(self, child: str) -> None:
         """Keep the parents of a frame, which is about to get another one."""
@@ -77,17 +75,11 @@ class FrameTree:
             for name in [*parents][:-_MAX_PARENTS]:
                 del parents[name]
 
-    def note_refusal(self, child: str, reason: str, authority: str) -> None:
-        """Count a transform that is refused for a reason: the code of a cause."""
+    def note_refusal(self, child: str, code: str, authority: str, nanosec: int = 0) -> None:
+        """Count a transform that is refused, by the code of the cause, or keep its `nanosec`."""
         if child in self._refusals or len(self._refusals) < _MAX_REFUSED:
-            reasons = self._refusals.setdefault(child, {})
-            reasons[reason] = reasons.get(reason, (0, ''))[0] + 1, authority
-
-    def note_nanosec(self, children: list[str], nanosec: int) -> None:
-        """Keep a `nanosec` of the stamps of some frames that is 10**9 or more."""
-        for child in children:
-            if child in self.nanosecs or len(self.nanosecs) < _MAX_REFUSED:
-                self.nanosecs[child] = nanosec
+            codes = self._refusals.setdefault(child, {})
+            codes[code] = nanosec or codes.get(code, (0, ''))[0] + 1, authority
 
     def facts(self, names: tuple[str, ...]) -> Frames:
         """Return what is known of the frames, of which some have these names; needs no lock."""

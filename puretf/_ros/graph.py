@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import currentframe
-import os
-from time import time_ns
 from traceback import walk_stack
 from weakref import WeakKeyDictionary
 
@@ -16,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from puretf._causes.domains import other_domains, other_user
+from puretf._causes.domains import described, other_user
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings, UNKNOWN
 from puretf._ros.rclpy_private import GID_SIZE
 from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
@@ -27,9 +25,6 @@ _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 broadcast: WeakKeyDictionary[Node, set[str]] = WeakKeyDictionary()
 #: The name of the type JointState.
 JOINT_STATE = 'sensor_msgs/msg/JointState'
-#: The settings with which ROS does not look for other machines.
-_HIDE_OTHERS = (('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'),
-                ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF'), ('ROS_LOCALHOST_ONLY', '1'))
 
 
 def gid_of(info: TopicEndpointInfo) -> str:
@@ -43,9 +38,14 @@ def node_of(info: TopicEndpointInfo) -> str:
             else full_name(info.node_namespace, info.node_name))
 
 
+def nodes_by_gid(node: Node, topic: str, type_name: str = '') -> dict[str, str]:
+    """Return by gid the full names of the nodes that publish a type ('': any) on a topic."""
+    return {gid_of(info): node_of(info) for info in node.get_publishers_info_by_topic(topic)
+            if type_name in ('', info.topic_type)}
+
+
 def nodes_on(node: Node, topic: str) -> list[str]:
-    """Return the full names of the nodes that publish on a topic."""
-    return sorted({node_of(info) for info in node.get_publishers_info_by_topic(topic)})
+    return sorted({*nodes_by_gid(node, topic).values()})
 
 
 def surroundings(
@@ -63,28 +63,24 @@ def surroundings(
         Publisher(node_of(info), each.topic_name, info.topic_type, gid_of(info),
                   _lack(info.qos_profile, each.qos_profile))
         for each in subscriptions for info in node.get_publishers_info_by_topic(each.topic_name)]
+    is_fed = has_dynamic or (has_data and topics[-1] != '/tf') or any(
+        each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers)
     clock, domain = node.get_clock(), node.context.get_domain_id()
     joint_topics = [topic for topic, types in node.get_topic_names_and_types()
                     if JOINT_STATE in types]
     nodes = {topic: nodes_on(node, topic) for topic in (*joint_topics, '/clock')}
     return Surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
-        time_ns(), nodes['/clock'], topics, publishers,
+        nodes['/clock'], topics, publishers,
         is_volatile=subscriptions[0].qos_profile.durability == DurabilityPolicy.VOLATILE,
-        has_data=has_data,
-        is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
-            each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
-        other_topics=[*dict.fromkeys(
+        has_data=has_data, other_topics=[] if is_fed else [*dict.fromkeys(
             topic.removesuffix('_static') for topic in other_topics(node, topics))],
         listen=listen, waits_for={
             name: topic for topic in nodes if not nodes[topic]
             for info in node.get_subscriptions_info_by_topic(topic)
             if (name := node_of(info)) != UNKNOWN},
         joint_states={topic: nodes[topic] for topic in joint_topics if nodes[topic]},
-        domain=domain, other_domains=partial(other_domains, domain),
-        other_user=partial(other_user, domain),
-        hides_others=next((f'{name}={value}' for name, value in os.environ.items()
-                           if (name, value.upper()) in _HIDE_OTHERS), ''),
+        domain=partial(described, domain), other_user=partial(other_user, domain),
         node=node.get_fully_qualified_name())
 
 

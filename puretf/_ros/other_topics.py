@@ -8,7 +8,7 @@ from time import monotonic, sleep
 from rclpy.node import Node
 
 from puretf._causes.facts import Heard, UNKNOWN
-from puretf._ros.graph import gid_of, node_of, other_topics
+from puretf._ros.graph import nodes_by_gid, other_topics
 from puretf._ros.messages import TFMessage
 from puretf._ros.topic_watch import TopicWatch
 from puretf._text.names import is_too_long, TF_MESSAGE
@@ -21,22 +21,21 @@ _MOST_TOPICS, _MOST_FRAMES = 20, 10_000
 _DEPTH = 20
 
 
-class TransformSampler:
+class TransformSampler(TopicWatch):
     """Subscriptions to all topics of transforms except some; no executor serves them."""
 
     def __init__(self, node: Node, own: Sequence[str]) -> None:
-        self._watch = TopicWatch(node, lambda: (
+        super().__init__(node, lambda: (
             (topic, TFMessage) for topic in other_topics(node, own)), _MOST_TOPICS, _DEPTH)
-        #: By topic, then by publisher: the parents.
-        self._parents: defaultdict[str, dict[str, dict[str, str]]] = defaultdict(dict)
+        #: By topic and publisher: the parents.
+        self._parents: defaultdict[tuple[str, str], dict[str, str]] = defaultdict(dict)
 
     def poll(self) -> None:
         """Read what has arrived, and twice a second search for topics."""
-        self._watch.poll()
-        for topic in self._watch.readers:
-            by_gid = self._parents[topic]
-            for data, _ in self._watch.take(topic):
-                parents = by_gid.setdefault(data.publisher, {})
+        super().poll()
+        for topic in self.readers:
+            for data, _ in self.take(topic):
+                parents = self._parents[topic, data.publisher]
                 with suppress(ValueError):  # malformed
                     for row in data.rows() if len(parents) < _MOST_FRAMES else ():
                         parent = row.frame_id.removeprefix('/')
@@ -46,27 +45,20 @@ class TransformSampler:
 
     def heard(self) -> list[Heard]:
         """Return what each publisher has sent."""
-        found = []
-        for topic, by_gid in self._parents.items():
-            nodes = self._nodes(topic)
-            for gid, parents in by_gid.items():
-                names = [nodes[gid]] if gid in nodes else sorted({*nodes.values()})
-                found.append(Heard(topic, gid, names, parents))
-        return found
+        nodes = self._nodes()
+        return [Heard(topic, gid, [nodes[topic][gid]] if gid in nodes[topic] else
+                      sorted({*nodes[topic].values()}), parents)
+                for (topic, gid), parents in self._parents.items()]
 
     def is_complete(self) -> bool:
         """Return whether each publisher has sent something, and its node is known."""
-        return all(name != UNKNOWN and gid in by_gid for topic, by_gid in self._parents.items()
-                   for gid, name in self._nodes(topic).items())
+        return all(name != UNKNOWN and (topic, gid) in self._parents
+                   for topic, by_gid in self._nodes().items() for gid, name in by_gid.items())
 
-    def close(self) -> None:
-        self._watch.close()
-
-    def _nodes(self, topic: str) -> dict[str, str]:
-        """Return by gid the full names of the nodes that publish transforms on a topic."""
-        return {gid_of(info): node_of(info)
-                for info in self._watch.node_for(topic).get_publishers_info_by_topic(topic)
-                if info.topic_type == TF_MESSAGE}
+    def _nodes(self) -> dict[str, dict[str, str]]:
+        """Return by topic and gid the nodes of the publishers."""
+        return {topic: nodes_by_gid(self.node_for(topic), topic, TF_MESSAGE)
+                for topic in self.readers}
 
 
 class Ear:

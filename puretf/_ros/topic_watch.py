@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from puretf._causes.facts import UNKNOWN
 from puretf._core.pose import Row
-from puretf._ros.graph import gid_of, node_of
+from puretf._ros.graph import nodes_by_gid
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import taker
 from puretf._wire import cdr
@@ -81,17 +81,12 @@ class Publishers:
             self._query()
 
     def _query(self) -> None:
-        present = set()
-        for topic in self._topics:
-            for info in self._node.get_publishers_info_by_topic(topic):
-                if self._type not in ('', info.topic_type):  # nothing is received from it
-                    continue
-                gid = gid_of(info)
-                present.add(gid)
-                if (name := node_of(info)) != UNKNOWN:
-                    self.nodes[gid] = name, topic
-        self.present = frozenset(present)
-        gone = [gid for gid in tuple(self.nodes) if gid not in present]
+        found = {topic: nodes_by_gid(self._node, topic, self._type) for topic in self._topics}
+        for topic, nodes in found.items():
+            self.nodes.update((gid, (name, topic)) for gid, name in nodes.items()
+                              if name != UNKNOWN)
+        self.present = frozenset().union(*found.values())
+        gone = [gid for gid in tuple(self.nodes) if gid not in self.present]
         for gid in gone[:max(0, len(self.nodes) - _MOST_NAMES)]:
             self.nodes.pop(gid, None)
 

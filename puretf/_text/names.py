@@ -6,7 +6,7 @@ Therefore they are escaped and abbreviated before they are printed.
 """
 
 from collections.abc import Callable, Sequence
-from itertools import takewhile
+from posixpath import relpath
 
 #: The name of the type TFMessage, in the ROS graph and in bags of rosbag2.
 TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
@@ -149,9 +149,8 @@ def namespace_distance(namespace: str, other: str) -> int:
     >>> namespace_distance('/lab/robot1', '/lab'), namespace_distance('/robot1', '/robot2')
     (1, 2)
     """
-    parts, others = ([part for part in each.split('/') if part] for each in (namespace, other))
-    common = len([*takewhile(lambda pair: pair[0] == pair[1], zip(parts, others))])
-    return len(parts) + len(others) - 2 * common
+    steps = relpath(f'/{namespace}', f'/{other}').split('/')
+    return 0 if steps == ['.'] else len(steps)
 
 
 def full_name(namespace: str, name: str) -> str:

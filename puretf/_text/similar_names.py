@@ -1,7 +1,7 @@
 """Names that are similar to a name: "did you mean", and names that one letter sets apart."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches, SequenceMatcher
+from difflib import get_close_matches
 from functools import lru_cache
 from itertools import islice
 import re
@@ -57,18 +57,7 @@ def near_names(name: str, known: Iterable[str], cutoff: float = 0.6) -> list[str
         if len(each) <= LONGEST:
             candidates.setdefault(_plain(each) or each, []).append(each)
     near = get_close_matches(_plain(name) or name, [*candidates], SHOWN, cutoff)
-    return [each for plain in near for each in candidates[plain]
-            if SequenceMatcher(None, *_what_differs(name, each)).ratio() >= cutoff][:SHOWN]
-
-
-def _what_differs(name: str, other: str) -> tuple[str, str]:
-    """Return two names without the namespace and the suffix that both have."""
-    ends = [re.fullmatch(r'(.*/)?(.*?)(_link|_frame)?', each.lower(), re.DOTALL)
-            for each in (name, other)]
-    (space, a, end), (other_space, b, other_end) = (each.groups('') for each in ends if each)
-    if space != other_space:
-        a, b = space + a, other_space + b
-    return (a, b) if end == other_end else (a + end, b + other_end)
+    return [each for plain in near for each in candidates[plain]][:SHOWN]
 
 
 def is_slip(name: str, other: str) -> bool:

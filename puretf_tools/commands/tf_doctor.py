@@ -291,7 +291,7 @@ def _mismatches(node: 'Node', around: Surroundings) -> Iterator[tuple[Publisher,
     for topic in around.topics:
         listeners = node.get_subscriptions_info_by_topic(topic)
         qos = {gid_of(info): info.qos_profile for info in node.get_publishers_info_by_topic(topic)}
-        for each in around.publishers or ():
+        for each in around.publishers:
             if each.topic != topic or each.type != TF_MESSAGE or each.lacks or each.gid not in qos:
                 continue
             for listener in listeners:

@@ -15,7 +15,7 @@ from puretf import Frame, SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, OTHER_CLOCK
-from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES
+from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES, SIM_TIME
 from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened, SHOWN
 from puretf._text.similar_names import near_names, suggest_names
@@ -160,8 +160,7 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
 
 
 for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
-                     ('no_robot_state_publisher', 'listeners'), ('wrong_type', ''),
-                     ('static_not_latched', 'qos'), ('other_namespace', ''),
+                     ('wrong_type', ''), ('static_not_latched', 'qos'), ('other_namespace', ''),
                      ('silent_publisher', 'listeners'), ('similar_name', ''), ('part_prefix', '')):
     CHECKS[_code] = RULES[_code]._replace(find=partial(_found_by, _code), needs=(_need,))
 
@@ -668,12 +667,12 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
 def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
-        nodes = observation.around.clock_nodes or ()
+        nodes = observation.around.clock_nodes
         yield _Fault(f'the time on /clock of {_names(nodes)} has stood for '
                      f'{observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
 
 
-@_check(*_same('use_sim_time_differs'), severity=WARNING,
+@_check('use_sim_time_differs', SIM_TIME, 'clock', severity=WARNING,
         explains=('other_clock', 'message_other_clock'))
 def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     """Find nodes on different clocks: use_sim_time is true in some only."""
@@ -772,7 +771,7 @@ def _ended_node(observation: Observation, track: Track) -> str:
     node = observation.node_of(track)
     if observation.present is None or track.publisher in observation.present or node in {
             *(observation.nodes.get(each, '') for each in observation.present),
-            *(each.node for each in observation.around.publishers or ())}:
+            *(each.node for each in observation.around.publishers)}:
         return ''
     return shortened(node)
 

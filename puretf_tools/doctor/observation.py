@@ -221,7 +221,7 @@ class Observation:
         A publisher that is destroyed at once has no known node: it is not found in the ROS graph.
         """
         groups: dict[tuple[str, str], dict[str, set[str]]] = {}
-        for each in self.around.publishers or ():
+        for each in self.around.publishers:
             if each.gid and each.type == TF_MESSAGE:
                 groups.setdefault((each.node, each.topic), {})[each.gid] = set()
         for track in self.tracks:
@@ -326,8 +326,8 @@ class BagObserver:
             left_out=[f'headers on {topic.name}: the definition of its type {topic.msgtype} is '
                       'not known' for topic in topics if topic.has_header is None],
             around=Surroundings(
-                topics=(static, dynamic), publishers=publishers, other_topics=others,
-                has_data=bool(tracks), is_fed=not all(track.is_static for track in tracks)))
+                topics=(static, dynamic), publishers=publishers, has_data=bool(tracks),
+                other_topics=others if all(track.is_static for track in tracks) else ()))
 
 
 def observe_bag(bag: Bag) -> Observation:

@@ -81,14 +81,12 @@ def test_the_rules_that_the_doctor_has():
 
 
 S = 10**9
-EDGE = Edge('map', 'base', 9, S, 9 * S, 10 * S, True, '', 0, 0, 0, 0, '', False)
+EDGE = Edge('map', 'base', 9, S, 9 * S, 10 * S, True)
 #: Rules for what a world does not have.
 DIRECT = [
     (Facts('past', Surroundings(), Frames(takes_ns=True), time=5, edge=EDGE), 'time_in_seconds'),
     (Facts('past', Surroundings(), time=5, edge=EDGE, is_duration=True), 'time_is_duration'),
-    (Facts('past', Surroundings(), time=5, edge=EDGE._replace(is_full=True)), 'too_many_samples'),
-    (Facts('cleared', Surroundings(topics=['/tf'], is_simulated=True, clock_nodes=['/sim'])),
-     'cleared'),
+    (Facts('past', Surroundings(), time=5, edge=EDGE._replace(is_full=True)), 'cache_too_short'),
     (Facts('missing', Surroundings(), Frames(missing_part=('A part is missing', 'Read a.'))),
      'missing_part')]
 

@@ -219,16 +219,16 @@ class World(NamedTuple):
                       for gid, each in present if each.topic in self.topics]
         return Surroundings(
             NOW if self.clock is None else round(self.clock * S), self.clock is not None,
-            NOW, self.clock_nodes, self.topics, publishers,
+            self.clock_nodes, self.topics, publishers,
             {str(i): each.node for i, each in enumerate(self.senders) if each.has_ended},
-            self.is_volatile, any(each.topic == self.topics[-1] for each in publishers),
-            has_data, self.is_new,
-            [*dict.fromkeys(each.topic.removesuffix('_static') for _, each in present
-                            if each.topic not in self.topics)],
+            self.is_volatile, has_data, self.is_new,
+            [] if any(each.topic == self.topics[-1] for each in publishers) else [
+                *dict.fromkeys(each.topic.removesuffix('_static') for _, each in present
+                               if each.topic not in self.topics)],
             lambda: [Heard(each.topic, gid, [each.node], each.parents) for gid, each in present
                      if each.edges and each.type == TF and (each.is_static or each.end > -0.5)],
             {each.node: each.waits_for for _, each in present if each.waits_for},
-            self.joint_states, 7, node=self.node, other_user=lambda: self.other_user)
+            self.joint_states, lambda: 'ROS domain 7', lambda: self.other_user, self.node)
 
     def error_of(self, lookup: Lookup) -> Optional[TransformException]:
         """Return the error of a lookup, whose text was read; None: there is none."""

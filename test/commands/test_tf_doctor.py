@@ -132,7 +132,7 @@ def test_publishers_and_headers(ros, other):
         'volatile_listener': ([], ['/tf_static'], ['/other']),
         'incompatible_qos': ([], ['/tf'], ['/other']),
         'other_clock': (['wheel'], ['/tf'], ['/other'])}
-    assert '(/other) is not reliable: ' in finding_of(data, 'incompatible_qos')['evidence']
+    assert '(/other) are not reliable: ' in finding_of(data, 'incompatible_qos')['evidence']
     assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
 
 
@@ -251,7 +251,7 @@ def test_half_a_namespace(ros, make_node):
     code, output, _ = run(ros, 'map', 'base_link', send=send, publishers=[sender.pub_tf])
     assert (code, text in ' '.join(output.split())) == (1, True)
     remapped = '--ros-args -r /tf:=/robot1/tf -r /tf_static:=/robot1/tf_static'
-    assert f'in all nodes of the robot ({remapped}), or in none of them.' in finding['remedy']
+    assert 'Remap both /tf and /tf_static in all nodes of the robot' in finding['remedy']
     sender = TransformBroadcaster(make_node('again', cli_args=remapped.split()))
     status, data = examine(ros, '--namespace', 'robot1', send=send, publishers=[sender.pub_tf])
     assert (status, codes(data)) == (0, set())

@@ -20,8 +20,8 @@ def test_the_remedies(ros, make_node, monkeypatch):
         StaticTransformBroadcaster(ros.node, tf_static_topic=topic)
     hint = ('No transform has arrived on /a/tf, but transforms are published on /tf, /tf_old, '
             "/d/tf, /b/c/tf. To listen to /tf, pass tf_topic='/tf', tf_static_topic='/tf_static' "
-            'to the TransformListener; in commands, omit --namespace. '
-            'More: tf_doctor --explain namespace')
+            'to the TransformListener, or to a command: --ros-args -r /tf:=/tf '
+            '-r /tf_static:=/tf_static. More: tf_doctor --explain namespace')
     ros.until(lambda: listener.topics_hint() == hint)
     assert listener.why_nothing() == hint
     publisher = TransformBroadcaster(ros.node, tf_topic='/a/tf').pub_tf
@@ -53,9 +53,8 @@ def test_another_type(ros, stranger):
     for topic in '/tf_static', '/tf', '/tf':
         stranger.node.create_publisher(TransformStamped, topic, 10)
     text = ('/test publishes geometry_msgs/msg/TransformStamped on /tf_static, not '
-            'tf2_msgs/msg/TFMessage. Send transforms with a TransformBroadcaster or a '
-            'StaticTransformBroadcaster. '
-            'More: tf_doctor --explain missing_frame')
+            'tf2_msgs/msg/TFMessage. Send with a TransformBroadcaster or a '
+            'StaticTransformBroadcaster. More: tf_doctor --explain missing_frame')
     ros.until(lambda: listener.topics_hint() == text)
     assert listener.why_nothing() == text
     assert listener.why_no_transform('map', 'camera').count(text) == 1

@@ -554,8 +554,8 @@ def test_the_text(capsys, tmp_path):
         '    On /tf_static, /tf.',
         '    Let only one of the two topics have the frame. More: tf_doctor --explain jump',
         '',
-        'not checked: no_clock, other_user, no_robot_state_publisher, silent_publisher, '
-        'volatile_listener, incompatible_qos: a bag does not record the listeners',
+        'not checked: no_clock, other_user, silent_publisher, volatile_listener, '
+        'incompatible_qos: a bag does not record the listeners',
         'not checked: static_not_latched: the bag does not record the QoS of the publishers',
         'not checked: two_publishers, many_publishers: the bag does not record which node has '
         'sent a message',
@@ -777,8 +777,8 @@ def profile(durability):
 @pytest.mark.parametrize('kind', ['mcap', 'db3'])
 @pytest.mark.parametrize(('durabilities', 'unlatched'), [
     ('TRANSIENT_LOCAL', ''), ('TRANSIENT_LOCAL TRANSIENT_LOCAL', ''),
-    ('VOLATILE', '1 publisher on /tf_static is not'),
-    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', '2 publishers on /tf_static are not'),
+    ('VOLATILE', 'Publishers on /tf_static (1) are not'),
+    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', 'Publishers on /tf_static (2) are not'),
     ('UNKNOWN', None), ('UNKNOWN TRANSIENT_LOCAL', ''), ('', None)])
 def test_the_recorded_qos(capsys, tmp_path, kind, durabilities, unlatched):
     """Each publisher on /tf_static must be transient local; an empty list says nothing."""
@@ -801,7 +801,7 @@ def test_the_recorded_qos_of_a_split_bag(tmp_path):
         QosDurability.VOLATILE)] * 2)).rename(tmp_path / f'x_{number}.mcap')
         for number, content in enumerate((in_order(robot()), [static('map odom', time=T + S)]))]
     (finding,) = examine(iter(files)).findings
-    assert finding.evidence.startswith('2 publishers on /tf_static are not transient local')
+    assert finding.evidence.startswith('Publishers on /tf_static (2) are not transient local')
 
 
 def test_the_qos_that_rosbag2_writes(tmp_path):

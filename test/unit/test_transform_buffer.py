@@ -215,7 +215,7 @@ def test_warnings_are_logged_once_per_cause_and_frame(logs, monkeypatch):
     assert messages[0].startswith(
         'TF_OLD_DATA ignoring data from the past for frame b at time 1699999989.000000 according '
         'to authority late\nIt is 11.000000 s older than the newest transform of this frame, and '
-        '10.000000 s are kept. Usual causes: ')
+        '10.000000 s are kept. This is logged once per frame. More')
     assert 'for frame c at time 1699999988.000000' in messages[2]
     assert {record.levelno for record in logs} == {logging.WARNING}
 
