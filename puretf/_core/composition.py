@@ -1,11 +1,14 @@
-"""Composition, inversion and normalisation of poses, with tf2's arithmetic."""
+"""Composition, inversion and normalisation of poses."""
 
-from math import nan, sqrt
+from math import copysign, inf, isfinite, nan, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.pose import IDENTITY, Pose, Quaternion
+
+#: The smallest number of rotations that numpy normalises faster than a loop does.
+_MANY = 12
 
 
 def inverse(pose: Pose) -> Pose:
@@ -56,39 +59,32 @@ def matrices(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
     """
-    Normalise a quaternion as tf2 does, by conversion to a rotation matrix and back.
+    Normalise a quaternion; the sign is that of tf2, which converts it to a matrix and back.
 
-    The operations and their order are those of tf2, since the last bit matters: it changes slerp
-    between rotations that differ by less than 1e-7 rad. The matrix is converted as in S. W.
-    Shepperd, Quaternion from Rotation Matrix, J. Guidance and Control 1 (1978). If the conversion
-    fails, for example for a quaternion of length 0, four NaN are returned.
+    Four NaN are returned for a quaternion of length 0, or whose square is not finite.
     """
-    try:
-        s = 2.0 / (x * x + y * y + z * z + w * w)
-        xs, ys, zs = x * s, y * s, z * s
-        wx, wy, wz = w * xs, w * ys, w * zs
-        xx, xy, xz = x * xs, x * ys, x * zs
-        yy, yz, zz = y * ys, y * zs, z * zs
-        m00, m11, m22 = 1.0 - (yy + zz), 1.0 - (xx + zz), 1.0 - (xx + yy)
-        trace = m00 + m11 + m22
-        if trace > 0.0:
-            root = sqrt(trace + 1.0)
-            s = 0.5 / root
-            return (((yz + wx) - (yz - wx)) * s, ((xz + wy) - (xz - wy)) * s,
-                    ((xy + wz) - (xy - wz)) * s, root * 0.5)
-        if m00 < m22 if m00 >= m11 else m11 < m22:
-            root = sqrt(m22 - m00 - m11 + 1.0)
-            s = 0.5 / root
-            return (((xz - wy) + (xz + wy)) * s, ((yz + wx) + (yz - wx)) * s,
-                    root * 0.5, ((xy + wz) - (xy - wz)) * s)
-        if m00 < m11:
-            root = sqrt(m11 - m22 - m00 + 1.0)
-            s = 0.5 / root
-            return (((xy - wz) + (xy + wz)) * s, root * 0.5,
-                    ((yz + wx) + (yz - wx)) * s, ((xz + wy) - (xz - wy)) * s)
-        root = sqrt(m00 - m11 - m22 + 1.0)
-        s = 0.5 / root
-        return (root * 0.5, ((xy + wz) + (xy - wz)) * s,
-                ((xz - wy) + (xz + wy)) * s, ((yz + wx) - (yz - wx)) * s)
-    except (ZeroDivisionError, ValueError):
-        return (nan, nan, nan, nan)
+    square = x * x + y * y + z * z + w * w
+    if not 0.0 < square < inf:
+        return nan, nan, nan, nan
+    norm = copysign(sqrt(square), w if 4.0 * w * w > square else max(x, y, z, key=abs))
+    return x / norm + 0.0, y / norm + 0.0, z / norm + 0.0, w / norm + 0.0  # no -0.0
+
+
+def normalize_poses(poses: NDArray[np.float64]) -> bool:
+    """
+    Normalise the rotations of (n, 7) poses in place, as `normalized` does.
+
+    Return False if a number is not finite, or a rotation cannot be normalised.
+    """
+    if len(poses) < _MANY:
+        poses[:, 3:] = [normalized(*rotation) for rotation in poses[:, 3:].tolist()]
+        return all(map(isfinite, poses.ravel().tolist()))
+    rotations = poses[:, 3:].T
+    with np.errstate(all='ignore'):
+        squares = np.add.reduce(rotations * rotations)
+        w = rotations[3]
+        is_large = 4.0 * w * w > squares
+        decisive = w if is_large.all() else np.where(is_large, w, np.take_along_axis(
+            rotations, abs(rotations[np.newaxis, :3]).argmax(1), 0))
+        poses[:, 3:] = (rotations / np.copysign(np.sqrt(squares), decisive) + 0.0).T
+        return isfinite(poses.sum() + squares.sum())

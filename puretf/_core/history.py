@@ -4,7 +4,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from copy import copy
-from math import acos, sin, sqrt
+from math import acos, sin
 from operator import index, itemgetter
 import struct
 from time import monotonic_ns
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.pose import Columns, Pose, POSE_BYTES
-from puretf._core.slerp import interpolate_columns, NEAR
+from puretf._core.slerp import interpolate_columns
 from puretf._text.times import is_frozen, SECOND
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
@@ -287,9 +287,6 @@ class History:
         cosine = ax * bx + ay * by + az * bz + aw * bw
         if cosine < 0.0:
             cosine, bx, by, bz, bw = -cosine, -bx, -by, -bz, -bw
-        if cosine > NEAR:
-            cosine /= sqrt((ax * ax + ay * ay + az * az + aw * aw)
-                           * (bx * bx + by * by + bz * bz + bw * bw))
         s = 1.0 - t
         if cosine < 1.0:
             angle = acos(cosine)  # half of the rotation between the two

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from functools import partial
-from itertools import starmap
 import math
 import struct
 import sys
@@ -11,11 +10,10 @@ from traceback import format_exc
 from typing import Optional
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puretf._causes.explanation import old_data_end, publisher_end
 from puretf._core import texts
-from puretf._core.composition import normalized
+from puretf._core.composition import normalize_poses, normalized
 from puretf._core.history import History, MAX_SAMPLES_PER_STAMP, StaticHistory
 from puretf._core.lookup import Lookups
 from puretf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
@@ -24,8 +22,6 @@ from puretf._text.times import SECOND
 
 #: One frame may have at most this number of samples per second of cache time.
 _MAX_SAMPLES_PER_SECOND = 10_000
-#: The smallest number of rotations that numpy normalises faster than a loop does.
-_MANY = 20
 _unpack_pose = struct.Struct('7d').unpack
 
 
@@ -204,56 +200,3 @@ class Insertion:
                  f'{self._max_samples} dynamic transforms')):
             if is_reached:
                 self.log.warn_once(cause, texts.too_many_samples(cause, child, authority, limit))
-
-
-def normalize_poses(poses: NDArray[np.float64]) -> bool:
-    """
-    Normalise the rotations of (n, 7) poses in place, with the results of `normalized`.
-
-    Return True if all numbers are finite; the result may be False if only their sum overflows.
-    """
-    rotations = poses[:, 3:]
-    if len(poses) < _MANY:
-        rotations[:] = [*starmap(normalized, rotations.tolist())]
-        return all(map(math.isfinite, poses.ravel().tolist()))
-    q = rotations.T.copy()
-    result = np.empty_like(q)
-    with np.errstate(all='ignore'):
-        doubled = q[:3] * (2.0 / np.add.reduce(q * q))
-        w_xyz = q[3] * doubled
-        products = q[:3, np.newaxis] * doubled
-        xx, yy, zz = products[0, 0], products[1, 1], products[2, 2]
-        mixed = np.array((products[1, 2], products[0, 2], products[0, 1]))
-        trace = 1.0 - (yy + zz)
-        trace += 1.0 - (xx + zz)
-        trace += 1.0 - (xx + yy)
-        root = np.sqrt(trace + 1.0)
-        above, below = mixed + w_xyz, mixed - w_xyz
-        np.multiply(above - below, 0.5 / root, result[:3])
-        np.multiply(root, 0.5, result[3])
-        if not trace.min() > 0.0:
-            diagonal = 1.0 - np.array((yy + zz, xx + zz, xx + yy))
-            _large_angles(~(trace > 0.0), diagonal, above, below, result)
-        rotations[:] = result.T
-        return math.isfinite(poses.sum())
-
-
-def _large_angles(
-        rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
-        below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
-    """
-    Compute the quaternions of the rotation matrices of `rows`, whose traces are not positive.
-
-    `diagonal` has the elements 00, 11, 22, `above` 21, 02, 10, and `below` 12, 20, 01.
-    """
-    m0, m1, m2 = diagonal
-    largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
-    for i, j, k in (0, 1, 2), (1, 2, 0), (2, 0, 1):
-        n = (rows & (largest == i)).nonzero()[0]
-        if len(n):
-            root = np.sqrt(diagonal[i, n] - diagonal[j, n] - diagonal[k, n] + 1.0)
-            scale = 0.5 / root
-            result[i, n] = root * 0.5
-            result[j, n] = (above[k, n] + below[k, n]) * scale
-            result[k, n] = (above[j, n] + below[j, n]) * scale
-            result[3, n] = (above[i, n] - below[i, n]) * scale

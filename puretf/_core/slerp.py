@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 
 from puretf._core.pose import Columns
 
-#: tf2 divides the dot product of the two quaternions by their norms, which are 1 up to rounding.
-#: That matters only if the dot product is larger than this; otherwise, no division is made.
-NEAR = 0.999999999999
 #: If all dot products are larger than this number (rotations of less than 16 degrees), a series
 #: replaces sin and acos, which take longer.
 _SERIES = 0.99
@@ -54,10 +51,6 @@ def _weights_of_many(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]
     if smallest < 0.0:
         sign = np.where(cosine < 0.0, -1.0, 1.0)
         cosine *= sign
-    has_near = cosine.max() > NEAR
-    if has_near:
-        norms = x * x + y * y + z * z + w * w
-        cosine /= np.sqrt(norms[0] * norms[1])
     if smallest > _SERIES:
         u = 1.0 - cosine
         squares = ratios * ratios
@@ -71,8 +64,6 @@ def _weights_of_many(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]
         weights = np.sin(np.arccos(cosine) * ratios)
         weights /= np.sqrt((1.0 - cosine) * (1.0 + cosine))
         weights[1] *= sign
-    if has_near:
-        # As in `History.pose_at`: if the cosine is 1 up to rounding, this is the first pose.
-        same = cosine >= 1.0
-        weights[0][same], weights[1][same] = 1.0, 0.0
+    same = cosine >= 1.0  # as in `History.pose_at`: the first pose
+    weights[0][same], weights[1][same] = 1.0, 0.0
     return weights

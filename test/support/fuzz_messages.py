@@ -31,7 +31,6 @@ from messages import golden_messages
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from puretf import TransformBuffer, TransformException
-from puretf._core import insertion
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
 from puretf._wire import cdr, ros1
@@ -354,51 +353,47 @@ def check_streams(data: bytes) -> None:
     """Insert messages as batches and one by one: the buffers have the same data and answers."""
     source = Input(data)
     encoding: Encoding = source.choice((cdr, ros1))
-    cache_time, many = source.choice(_CACHES), source.choice((insertion._MANY, 1, 3))
+    cache_time = source.choice(_CACHES)
     fast, slow = TransformBuffer(cache_time), TransformBuffer(cache_time)
     errors = list[Exception]()
     reader = MessageReader(errors.append, encoding)
-    before, insertion._MANY = insertion._MANY, many
     pending: list[bytes] = []
     sent: list[bytes] = []
     layouts = [[('map', 'a'), ('a', 'b')]]
     now = T
-    try:
-        with logged_texts():
-            for _ in range(60):
-                if not source:
-                    break
-                op = source.integer(15)
-                if op == 0:
-                    layouts.append([source.choice(_EDGES) for _ in range(source.integer(3))])
-                elif op == 1 and sent:  # change bytes of an earlier message
-                    message = bytearray(source.choice(sent[-16:]))
-                    at = source.integer(len(message))
-                    changed = source.raw(source.integer(8))
-                    message[at:at + len(changed)] = changed
-                    pending.append(bytes(message))
-                elif op == 2:
-                    pending.append(source.raw(source.integer(255)))
-                elif op in (3, 4):
-                    _insert_both(fast, slow, reader, encoding, pending, errors, op == 3)
-                    pending.clear()
-                elif op == 5:
-                    fast.clear()
-                    slow.clear()
-                else:
-                    now = min(max(now + source.choice(_STEPS), 0), 2**62)
-                    rows = []
-                    for parent, child in source.choice(layouts[-4:]):
-                        stamp = now + (S if op == 6 and source.integer(1) else 0)
-                        pose: Any = [source.number(), *bags.STILL[1:]] if op < 12 else [
-                            source.number() for _ in range(7)]
-                        rows.append(Row(stamp % (2**31 * S), parent, child, tuple(pose)))
-                    pending.append(cdr.pack(rows) if encoding is cdr else _as_ros1(rows))
-                sent += pending[-1:]
-            _insert_both(fast, slow, reader, encoding, pending, errors, False)
-            _compare_answers(fast, slow, now)
-    finally:
-        insertion._MANY = before
+    with logged_texts():
+        for _ in range(60):
+            if not source:
+                break
+            op = source.integer(15)
+            if op == 0:
+                layouts.append([source.choice(_EDGES) for _ in range(source.integer(3))])
+            elif op == 1 and sent:  # change bytes of an earlier message
+                message = bytearray(source.choice(sent[-16:]))
+                at = source.integer(len(message))
+                changed = source.raw(source.integer(8))
+                message[at:at + len(changed)] = changed
+                pending.append(bytes(message))
+            elif op == 2:
+                pending.append(source.raw(source.integer(255)))
+            elif op in (3, 4):
+                _insert_both(fast, slow, reader, encoding, pending, errors, op == 3)
+                pending.clear()
+            elif op == 5:
+                fast.clear()
+                slow.clear()
+            else:
+                now = min(max(now + source.choice(_STEPS), 0), 2**62)
+                rows = []
+                for parent, child in source.choice(layouts[-4:]):
+                    stamp = now + (S if op == 6 and source.integer(1) else 0)
+                    pose: Any = [source.number(), *bags.STILL[1:]] if op < 12 else [
+                        source.number() for _ in range(7)]
+                    rows.append(Row(stamp % (2**31 * S), parent, child, tuple(pose)))
+                pending.append(cdr.pack(rows) if encoding is cdr else _as_ros1(rows))
+            sent += pending[-1:]
+        _insert_both(fast, slow, reader, encoding, pending, errors, False)
+        _compare_answers(fast, slow, now)
 
 
 def _insert_both(fast: TransformBuffer, slow: TransformBuffer, reader: MessageReader,
