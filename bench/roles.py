@@ -79,7 +79,9 @@ def send(topic: str, rate: float, frames: int, seconds: float) -> None:
 class Listener(Protocol):
     """An object that fills a buffer."""
 
-    buffer: Any
+    @property
+    def buffer(self) -> Any:
+        """The buffer that is filled."""
 
 
 class Objects:

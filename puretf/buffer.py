@@ -18,11 +18,9 @@ from rclpy.utilities import get_default_context
 
 from puretf._causes.explanation import clock_end
 from puretf._core.buffer_base import debug_tuple
-from puretf._core.times import nanoseconds
 from puretf._ros.futures import PendingFutures
 from puretf._ros.messages import FrameGraph
 from puretf._ros.qos import check_node
-from puretf._text.times import SECOND
 from puretf.buffer_core import BufferCore
 from puretf.buffer_interface import BufferInterface, NO_WAIT
 
@@ -90,7 +88,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        return self._lookup(target_frame, source_frame, time, _seconds(timeout))
+        return self._lookup(target_frame, source_frame, time, self._seconds(timeout))
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
@@ -113,7 +111,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return self._lookup_full(target_frame, target_time, source_frame, source_time,
-                                 fixed_frame, _seconds(timeout))
+                                 fixed_frame, self._seconds(timeout))
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
@@ -161,7 +159,7 @@ class Buffer(BufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._why_not(target_frame, source_frame, time, _seconds(timeout))
+        error = self._why_not(target_frame, source_frame, time, self._seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(
@@ -183,7 +181,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         error = self._why_not_full(target_frame, target_time, source_frame, source_time,
-                                   fixed_frame, _seconds(timeout))
+                                   fixed_frame, self._seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
@@ -191,8 +189,8 @@ class Buffer(BufferCore, BufferInterface):
         """
         Return a future that is completed when a transform is available.
 
-        To stop waiting, cancel the future. If the future has no done callback, it is enough to
-        drop the last reference to the future.
+        To stop waiting, cancel the future. If the future has never had a done callback, it is
+        enough to drop the last reference to the future.
 
         :param timeout: the time, on the wall clock, after which the future ends with a
             TimeoutException; None: no limit.
@@ -221,15 +219,11 @@ class Buffer(BufferCore, BufferInterface):
     def _create_future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
                        source_frame: str, target_frame: str) -> Future:
         future = self._futures.add(
-            lookup, None if timeout is None else _seconds(timeout),
+            lookup, None if timeout is None else self._seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
         if not future.done():
             self._engine.wake_sources()
         return future
-
-
-def _seconds(timeout: Duration) -> float:
-    return 0.0 if timeout is NO_WAIT else nanoseconds(timeout, 'timeout') / SECOND
 
 
 # The callbacks of the node and of its clock. The callbacks hold weak references to the buffer, so

@@ -89,10 +89,9 @@ def is_of_rosbags(value: Any) -> bool:
     return hasattr(value, '__msgtype__')
 
 
-def note_durations(error: TransformException, *times: Any) -> TransformException:
-    """Note whether a time of a failed lookup is a Duration, and return its error."""
+def note_durations(error: TransformException, *times: Any) -> None:
+    """Note whether a time of a failed lookup is a Duration."""
     error._is_duration = any(type(time).__name__ == 'Duration' for time in times)
-    return error
 
 
 def with_explanation(error: _Error, explanation: Explanation) -> _Error:

@@ -8,12 +8,9 @@ from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.engine import engine_of
 from puretf._core.history import load
 from puretf._core.times import nanoseconds_or_int
-from puretf._text.times import CACHE_TIME, SECOND
+from puretf._text.times import CACHE_TIME
 from puretf.exceptions import described
 from puretf.transform import Transform
-
-#: The default timeout, which needs no conversion.
-_NO_WAIT = 0
 
 
 class TransformBuffer(BufferBase):
@@ -126,7 +123,7 @@ class TransformBuffer(BufferBase):
             (*transform.translation, *transform.rotation), authority, is_static)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                         timeout: Any = _NO_WAIT) -> Transform:
+                         timeout: Any = 0) -> Transform:
         """
         Return the pose of the source frame in the target frame.
 
@@ -137,10 +134,10 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        return self._lookup(target_frame, source_frame, time, _seconds(timeout))
+        return self._lookup(target_frame, source_frame, time, self._seconds(timeout))
 
     def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                              source_time: Any, fixed_frame: str, timeout: Any = _NO_WAIT
+                              source_time: Any, fixed_frame: str, timeout: Any = 0
                               ) -> Transform:
         """
         Return the pose of the source frame at one time, in the target frame at another time.
@@ -160,10 +157,10 @@ class TransformBuffer(BufferBase):
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return self._lookup_full(target_frame, target_time, source_frame, source_time,
-                                 fixed_frame, _seconds(timeout))
+                                 fixed_frame, self._seconds(timeout))
 
     def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                      timeout: Any = _NO_WAIT, return_debug_tuple: bool = False
+                      timeout: Any = 0, return_debug_tuple: bool = False
                       ) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform` would return a transform.
@@ -176,11 +173,11 @@ class TransformBuffer(BufferBase):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._why_not(target_frame, source_frame, time, _seconds(timeout))
+        error = self._why_not(target_frame, source_frame, time, self._seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                           source_time: Any, fixed_frame: str, timeout: Any = _NO_WAIT,
+                           source_time: Any, fixed_frame: str, timeout: Any = 0,
                            return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform_full` would return a transform.
@@ -197,7 +194,7 @@ class TransformBuffer(BufferBase):
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         error = self._why_not_full(target_frame, target_time, source_frame, source_time,
-                                   fixed_frame, _seconds(timeout))
+                                   fixed_frame, self._seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
@@ -211,7 +208,3 @@ class TransformBuffer(BufferBase):
         """
         with self._engine.reading():
             return self._engine.lookups.latest_common_time(target_frame, source_frame)
-
-
-def _seconds(timeout: Any) -> float:
-    return 0.0 if timeout is _NO_WAIT else nanoseconds_or_int(timeout, 'timeout') / SECOND

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from threading import RLock
 from time import monotonic
 from traceback import format_exception
 from typing import Any, Optional, Union
@@ -28,7 +27,6 @@ from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
 from puretf._wire import cdr
 from puretf.buffer_core import BufferCore
-from puretf.exceptions import described
 from puretf.transform import Transform
 from puretf.transform_buffer import TransformBuffer
 
@@ -84,14 +82,14 @@ class TransformListener:
         self._start = monotonic()
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
-        self._buffer, self._uses_callbacks = buffer, self._needs_callbacks(buffer)
-        #: The engine of the buffer to which the source was added; None if there is none.
-        self._engine: Optional[Engine] = None
-        #: The engine and its generation after the last update by the listener's thread.
-        self._seen: Optional[tuple[Engine, int]] = None
-        #: Held only while `_engine` is replaced; reentrant because a signal handler may end the
-        #: listener meanwhile.
-        self._lock = RLock()
+        self._buffer, self._engine = buffer, _engine_or_none(buffer)
+        self._uses_callbacks = (
+            self._engine is None
+            or _overrides(self, [TransformListener], 'callback', 'static_callback')
+            or _overrides(buffer, [TransformBuffer, BufferCore],
+                          'set_transform', 'set_transform_static'))
+        #: The generation of the data after the last update by the listener's thread.
+        self._seen = -1
         #: The subscription to the topic of dynamic transforms; None in a StaticTransformListener.
         self.tf_sub = self._subscribe(
             tf_topic, self.callback, profile(qos, TF)) if self._has_tf else None
@@ -102,16 +100,19 @@ class TransformListener:
         self._thread: NodeThread
         self._source: Any
         if self._uses_callbacks:
-            self._thread = SpinThread(node, self.group, self._detach_for_good, self._release)
+            self._thread = SpinThread(node, self.group, self._end, self._release)
             self._source = NoMessages(node.context.ok)
         else:
             self._qos_monitors += map(QosMonitor, self.subscriptions)
             self._thread = ListenerThread(
                 node, self.group, self.tf_static_sub, self.tf_sub, self._work,
-                self._detach_for_good, self._release)
+                self._end, self._release)
             self._source = self._create_source(
                 self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
-        self._attach(_engine_or_none(buffer))
+        if self._engine is not None:
+            self._engine.look = partial(_surroundings, ref(self))
+            self._engine.find_blocked = partial(_blocked, ref(self))
+            self._engine.add_source(self._source)
         if spin_thread or not self._uses_callbacks:
             self._thread.start()
 
@@ -128,7 +129,7 @@ class TransformListener:
     def unregister(self) -> None:
         """Stop listening for good."""
         try:
-            self._attach(None)
+            self._detach()
         finally:
             self._thread.end()
 
@@ -139,50 +140,14 @@ class TransformListener:
 
     @property
     def buffer(self) -> Any:
-        """
-        The buffer that is filled; it may be replaced at any time.
-
-        A TypeError is raised if the new buffer needs a listener of the other kind.
-        """
+        """The buffer that is filled."""
         return self._buffer
 
-    @buffer.setter
-    def buffer(self, buffer: Any) -> None:
-        if buffer is self._buffer:
-            return
-        if self._needs_callbacks(buffer) != self._uses_callbacks:
-            verb = 'calls' if self._uses_callbacks else 'does not call'
-            raise TypeError(
-                f'this listener {verb} the methods set_transform and set_transform_static of its '
-                f'buffer, but {described(buffer)} needs the opposite; create a new listener')
-        self._buffer = buffer
-        self._attach(_engine_or_none(buffer))
-
-    def _needs_callbacks(self, buffer: Any) -> bool:
-        return (_engine_or_none(buffer) is None
-                or _overrides(self, [TransformListener], 'callback', 'static_callback')
-                or _overrides(buffer, [TransformBuffer, BufferCore],
-                              'set_transform', 'set_transform_static'))
-
-    def _attach(self, engine: Optional[Engine]) -> None:
-        """Move the source from the current engine to another; None: only remove it."""
-        with self._lock:
-            if self._thread.must_end:
-                engine = None
-            before, self._engine = self._engine, engine
-        if before is not None:
-            self._detach(before)
-        if engine is not None:
-            engine.look = partial(_surroundings, ref(self))
-            engine.find_blocked = partial(_blocked, ref(self))
-            engine.add_source(self._source)
-            # Another thread may have replaced `_engine` or ended the listener meanwhile.
-            if self._engine is not engine or self._thread.must_end:
-                self._detach(engine)
-
-    def _detach(self, engine: Engine) -> None:
-        engine.remove_source(self._source)
-        engine.after_insertion()
+    def _detach(self) -> None:
+        """Insert what has arrived, and remove the source."""
+        if self._engine is not None:
+            self._engine.remove_source(self._source)
+            self._engine.after_insertion()
 
     def _surroundings(self) -> Surroundings:
         """Return what the texts of errors use: the clock and the publishers."""
@@ -212,20 +177,17 @@ class TransformListener:
         """Insert the messages that have arrived; the `work` of a ListenerThread."""
         for monitor in self._qos_monitors:
             monitor.check()
-        engine, has_news, is_urgent, pause = self._engine, False, False, 0.0
-        if engine is not None:
-            seen = engine, engine.update()
-            if has_news := seen != self._seen:
-                self._seen = seen
-                try:
-                    is_urgent = engine.after_insertion()
-                except BaseException as error:  # raised by a done callback of a future
-                    self._on_fault(error)
-            pause = self._source.next_pause()
-            if engine.is_awaited:
-                pause = 0.0
+        assert self._engine is not None  # as always without callbacks
+        before, self._seen = self._seen, self._engine.update()
+        has_news, is_urgent = self._seen != before, False
+        if has_news:
+            try:
+                is_urgent = self._engine.after_insertion()
+            except BaseException as error:  # raised by a done callback of a future
+                self._on_fault(error)
+        pause = self._source.next_pause()
         self._log.flush()
-        return has_news, is_urgent, pause
+        return has_news, is_urgent, 0.0 if self._engine.is_awaited else pause
 
     def _on_fault(self, error: BaseException) -> None:
         """Count malformed messages, and log each kind once; log other errors once a second."""
@@ -237,10 +199,10 @@ class TransformListener:
         else:
             self._log.warn_once('error', ''.join(format_exception(error)), 1.0)
 
-    def _detach_for_good(self) -> None:
-        """Insert what has arrived, and remove the source; called when the listener ends."""
+    def _end(self) -> None:
+        """Detach; called when the thread ends."""
         try:
-            self._attach(None)
+            self._detach()
         except BaseException as error:  # raised by a done callback of a future
             self._on_fault(error)
         self._log.flush()

@@ -15,8 +15,8 @@ from puretf._core.pose import Pose
 from puretf._core.search import PathEdge
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.velocity import twist
-from puretf._core.waiting import wait
-from puretf.exceptions import described, note_durations, tf2_words, TransformException
+from puretf._text.times import SECOND
+from puretf.exceptions import described, tf2_words, TransformException
 from puretf.transform import Transform, Twist
 
 #: The largest number of poses that are inserted or computed before the lock is released.
@@ -351,45 +351,39 @@ class BufferBase:
     def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> Transform:
         return Transform(stamp, target, source, pose[:3], pose[3:])
 
-    def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0
-                ) -> Transform:
-        engine = self._engine
-        try:
-            stamp, pose = wait(
-                engine, timeout, engine.lookups.pose, target, source, self._ns(time))
-        except TransformException as error:
-            note_durations(error, time)
-            raise
+    def _seconds(self, timeout: Any) -> float:
+        seconds: float = self._ns(timeout, 'timeout') / SECOND
+        return seconds
+
+    def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0) -> Transform:
+        stamp, pose = self._engine.wait(
+            [time], timeout, self._engine.lookups.pose, target, source, self._ns(time))
         return self._answer(target, source, stamp, pose)
 
     def _lookup_full(self, target: str, target_time: Any, source: str, source_time: Any,
                      fixed: str, timeout: float = 0.0) -> Transform:
-        engine = self._engine
-        try:
-            stamp, pose = wait(
-                engine, timeout, engine.lookups.pose_full, target, self._ns(target_time), source,
-                self._ns(source_time), fixed)
-        except TransformException as error:
-            note_durations(error, target_time, source_time)
-            raise
+        stamp, pose = self._engine.wait(
+            [target_time, source_time], timeout, self._engine.lookups.pose_full, target,
+            self._ns(target_time), source, self._ns(source_time), fixed)
         return self._answer(target, source, stamp, pose)
 
     def _why_not(self, target: str, source: str, time: Any, timeout: float = 0.0
                  ) -> Optional[TransformException]:
-        try:
-            wait(self._engine, timeout, self._engine.lookups.check, target, source, self._ns(time))
-            return None
-        except TransformException as error:
-            return note_durations(error, time)
+        return self._error_of([time], timeout, self._engine.lookups.check, target, source,
+                              self._ns(time))
 
     def _why_not_full(self, target: str, target_time: Any, source: str, source_time: Any,
                       fixed: str, timeout: float = 0.0) -> Optional[TransformException]:
+        return self._error_of(
+            [target_time, source_time], timeout, self._engine.lookups.check_full, target,
+            self._ns(target_time), source, self._ns(source_time), fixed)
+
+    def _error_of(self, *arguments: Any) -> Optional[TransformException]:
         try:
-            wait(self._engine, timeout, self._engine.lookups.check_full, target,
-                 self._ns(target_time), source, self._ns(source_time), fixed)
-            return None
+            self._engine.wait(*arguments)
         except TransformException as error:
-            return note_durations(error, target_time, source_time)
+            return error
+        return None
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
@@ -404,12 +398,8 @@ def _int64_times(times: Times, name: str) -> NDArray[np.int64]:
     if times.dtype.kind == 'M':
         if np.isnat(times).any():
             raise ValueError(f'{name} must be times, got NaT at index {np.isnat(times).argmax()}')
-        try:
-            times = given.astype('datetime64[ns]')
-            is_exact = bool((times.astype(given.dtype) == given).all())
-        except OverflowError:  # before numpy 2.5, the numbers overflow
-            is_exact = False
-        if not is_exact:
+        times = given.astype('datetime64[ns]')
+        if not (times.astype(given.dtype) == given).all():
             raise OverflowError(f'{name} must be whole ns from 1678 to 2261, got {given.min()} to '
                                 f'{given.max()}')
         return times.astype(np.int64)

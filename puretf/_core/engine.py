@@ -15,13 +15,14 @@ import logging
 from operator import index
 import os
 from threading import RLock
-from typing import Any, Optional, Protocol
+from time import monotonic
+from typing import Any, Optional, Protocol, TypeVar
 from weakref import ref, WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf._causes.facts import Blocked, Look, Surroundings
+from puretf._causes.facts import Blocked, Look, Surroundings, Waited
 from puretf._core import failures
 from puretf._core.insertion import Insertion
 from puretf._core.lookup import Lookups
@@ -29,9 +30,13 @@ from puretf._core.pose import Batch, BatchOrRows, Pose, POSE_BYTES, Row, Rows
 from puretf._core.times import nanoseconds_or_int
 from puretf._core.tree import FrameTree
 from puretf._core.wake import Wake
-from puretf.exceptions import described, TransformException
+from puretf.exceptions import described, note_durations, TransformException
 
+_Result = TypeVar('_Result')
 _INT64 = 1 << 63
+#: The longest time between two attempts of a blocked lookup (s); nothing wakes it when ROS is shut
+#: down.
+_RETRY_INTERVAL = 0.2
 
 
 class Source(Protocol):
@@ -150,12 +155,9 @@ class Engine:
         if self._sources or self._is_changing:
             self.update()  # messages that arrived before this call are inserted first
         with self.lock:
-            # True before if this call has interrupted another one, as in a signal handler.
-            before, self._is_changing = self._is_changing, True
-            is_accepted = self.insertion.insert(
-                stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'), pose,
-                authority, is_static)
-            self._is_changing = before
+            is_accepted = self._change(
+                self.insertion.insert, stamp, frame_id.removeprefix('/'),
+                child_frame_id.removeprefix('/'), pose, authority, is_static)
             if is_accepted:
                 self._notify_lookups()
         self.after_insertion()
@@ -188,9 +190,7 @@ class Engine:
         return is_accepted
 
     def _insert(self, batches: Iterable[BatchOrRows]) -> bool:
-        before, self._is_changing = self._is_changing, True
-        is_accepted = self.insertion.insert_batches(batches)
-        self._is_changing = before
+        is_accepted = self._change(self.insertion.insert_batches, batches)
         self._notify_lookups()
         return is_accepted
 
@@ -199,9 +199,20 @@ class Engine:
         self.update_for_user()  # so that messages that have arrived are removed, too
         with self.lock:
             failures.check(self.tree, name, 'remove')
-            before, self._is_changing = self._is_changing, True
-            self.insertion.remove(name)
-            self._is_changing = before
+            self._change(self.insertion.remove, name)
+
+    def clear(self) -> None:
+        self.update_for_user()  # so that messages that have arrived are removed, too
+        with self.lock:
+            self._change(self.insertion.clear)
+
+    def _change(self, change: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Call a function that changes the data; the lock is held."""
+        # True before if this call has interrupted another one, as in a signal handler.
+        before, self._is_changing = self._is_changing, True
+        result = change(*arguments)
+        self._is_changing = before
+        return result
 
     def _notify_lookups(self) -> None:
         self.generation += 1
@@ -225,13 +236,6 @@ class Engine:
         if error is not None:
             raise error
         return is_urgent
-
-    def clear(self) -> None:
-        self.update_for_user()  # so that messages that have arrived are removed, too
-        with self.lock:
-            before, self._is_changing = self._is_changing, True
-            self.insertion.clear()
-            self._is_changing = before
 
     def _mend(self) -> None:
         """Drop the data that an interrupted change has left inconsistent; the lock is held."""
@@ -261,7 +265,51 @@ class Engine:
             if self._is_changing:
                 self._mend()
 
-    def liveness(self) -> tuple[bool, bool]:
+    def wait(self, times: Sequence[Any], timeout: float, lookup: Callable[..., _Result],
+             *arguments: Any) -> _Result:
+        """
+        Repeat a lookup whenever data arrive, until it succeeds or the timeout (s) is over.
+
+        Also give up if ROS is shut down, or if the last source is removed. A thread that holds the
+        lock does not wait. `times` are those that the user has passed.
+
+        :raises TransformException: the last error of the lookup.
+        """
+        try:
+            with self.reading():
+                return lookup(*arguments)
+        except TransformException as error:
+            note_durations(error, *times)
+            if timeout <= 0.0 or self.is_held():
+                raise
+        deadline, before = monotonic() + timeout, self._liveness()
+        # No `Condition`: a KeyboardInterrupt inside of it could leave its lock held.
+        wake = Wake()
+        try:
+            # In this order, no data are missed: the next update takes what has arrived by then,
+            # and the listeners' threads do not pause afterwards, because `wakes` is not empty.
+            self.wakes.add(wake)
+            self.wake_sources()
+            while True:
+                # If no source is left before the update, this attempt can be the last.
+                is_over = any(was and not now for was, now in zip(before, self._liveness()))
+                seen = self.update_for_user()
+                try:
+                    with self.lock:
+                        return lookup(*arguments)
+                except TransformException as error:
+                    if is_over or monotonic() >= deadline:
+                        note_durations(error, *times)
+                        error._waited = Waited(timeout, self.find_blocked())
+                        raise
+                next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
+                while (wake.wait(max(0.0, next_attempt - monotonic()))
+                       and self.generation <= seen):
+                    pass
+        finally:
+            self.wakes.discard(wake)
+
+    def _liveness(self) -> tuple[bool, bool]:
         """Return whether messages may arrive, and whether blocked lookups may go on."""
         return any(source.is_alive() for source in self._sources), self.is_alive()
 

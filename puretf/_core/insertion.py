@@ -161,25 +161,23 @@ class Insertion:
 
     def remove(self, name: str) -> None:
         """Remove the samples of a frame; its name stays while it is a parent."""
-        history = self._tree.histories[name]
         self._tree.remove(name)
-        self._lookups.paths.clear()
-        self._room += len(history) if isinstance(history, History) else 0
+        self._update_caches()
 
     def clear(self) -> None:
         """Remove all dynamic transforms, and forget which frames there was a warning of."""
         self.log.forget()
         self._tree.clear()
-        self._lookups.paths.clear()
-        self._count_samples()
+        self._update_caches()
 
     def mend(self) -> None:
         """Drop the histories that an interrupted insertion has left inconsistent."""
         self._tree.mend()
-        self._lookups.paths.clear()
-        self._count_samples()
+        self._update_caches()
 
-    def _count_samples(self) -> None:
+    def _update_caches(self) -> None:
+        """Forget the kept paths, and count the samples."""
+        self._lookups.paths.clear()
         self._room = self._max_samples - sum(
             len(history) for history in self._tree.histories.values()
             if isinstance(history, History))

@@ -27,7 +27,7 @@ class TransformFuture(Future):
     """
     A future whose result is a TransformStamped.
 
-    To stop waiting, cancel the future. If the future has no done callback, it is enough to drop
+    To stop waiting, cancel the future. If it has never had a done callback, it is enough to drop
     the last reference to the future.
     """
 
@@ -36,7 +36,6 @@ class TransformFuture(Future):
         super().__init__()  # type: ignore[no-untyped-call]
         self.lookup, self.timeout, self.what, self._owner = lookup, timeout, what, owner
         self.deadline = inf if timeout is None else monotonic() + timeout
-        self._kept_by = 0  # the number of done callbacks that keep the future
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
         """Add a function that is called when this future is done; keep the future until then."""
@@ -44,17 +43,7 @@ class TransformFuture(Future):
         # `spin_until_future_complete` keeps the future alive itself, but leaves its callback when
         # the spin times out.
         if not is_of_executor(callback):
-            self._kept_by += 1
             self._owner.keep(self)
-
-    def remove_done_callback(self, callback: Callable[[Future], None]) -> bool:
-        """Remove a function; without the last one, nothing keeps the future any more."""
-        is_removed = super().remove_done_callback(callback)
-        if is_removed and not is_of_executor(callback):
-            self._kept_by -= 1
-            if not self._kept_by:
-                self._owner.release(self)
-        return is_removed
 
     def cancel(self) -> None:
         """Cancel the future, unless it is done."""
@@ -119,10 +108,6 @@ class PendingFutures:
         self._kept.add(future)
         if id(future) not in self._futures:
             self._kept.discard(future)
-
-    def release(self, future: TransformFuture) -> None:
-        """Undo `keep`."""
-        self._kept.discard(future)
 
     def forget(self, future: TransformFuture) -> bool:
         """Remove a future; return True if it was pending; then only the caller may complete it."""

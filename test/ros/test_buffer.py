@@ -6,7 +6,6 @@ import gc
 import pickle
 import sys
 import threading
-from typing import Any
 import weakref
 
 from environment import made_at_run_time
@@ -364,25 +363,6 @@ def test_a_future_that_is_done_holds_no_buffer(quick_gc):
     del buffer
     gc.collect()
     assert (gone(), future.result()) == (None, stamped())
-
-
-def test_a_future_without_its_last_callback_is_not_kept(quick_gc):
-    """As if no callback had been added."""
-    buffer, results = Buffer(), list[Any]()
-    future = buffer.wait_for_transform_async('map', 'tool', T)
-    for callback in results.append, print:
-        future.add_done_callback(callback)
-    assert future.remove_done_callback(results.append)
-    assert not future.remove_done_callback(results.append)
-    key = id(future)
-    del future
-    gc.collect()
-    assert engine_of(buffer).is_awaited
-    (kept,) = [each for each in gc.get_objects() if id(each) == key]
-    assert kept.remove_done_callback(print)
-    del kept
-    gc.collect()
-    assert not engine_of(buffer).is_awaited
 
 
 def test_a_future_with_a_callback_needs_no_other_reference(quick_gc):

@@ -29,7 +29,7 @@ STEPS = {
     'subscription.py': {'destroy', 'take', 'check', 'close', '_take'},
     'guard_condition.py': {'destroy', 'trigger'}, 'context.py': {'shutdown', 'try_shutdown'},
     'listener_thread.py': {'end', 'stop', 'wake', '_wait', '_wake_executor'},
-    'transform_listener.py': {'unregister', '_attach', '_detach', '_detach_for_good', '_release'},
+    'transform_listener.py': {'unregister', '_detach', '_end', '_release'},
     'executors.py': {'remove_node', 'shutdown', 'wake'}, 'engine.py': {'remove_source'}}
 COMPILED = {'call': {'destroy_when_not_in_use', 'join'}, 'return': {'wait'}}
 

@@ -674,7 +674,7 @@ def test_a_signal_handler_does_not_wait(monkeypatch):
         errors.append(error)
 
     # A lookup that waits looks at the clock.
-    monkeypatch.setattr('puretf._core.waiting.monotonic', lambda: pytest.fail('it waits'))
+    monkeypatch.setattr('puretf._core.engine.monotonic', lambda: pytest.fail('it waits'))
     before = signal.signal(signal.SIGALRM, handle)
     try:
         with buffer.updated():
