@@ -20,7 +20,6 @@ if _has_type_support():
 else:
     from puretf._tf2_msgs.tf_message import TFMessage
     FrameGraph = None
+    install(TFMessage)
 
 __all__ = ['FrameGraph', 'TFMessage']
-
-install(TFMessage)

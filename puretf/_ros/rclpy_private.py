@@ -52,22 +52,15 @@ _take_message = _rclpy.Subscription.take_message
 
 _publish = _rclpy.Publisher.publish
 _serialize, _deserialize = _rclpy.rclpy_serialize, _rclpy.rclpy_deserialize
-#: The class that is converted in Python, and the function that packs its transforms.
+#: The class that is converted in Python.
 _converted: tuple[Any, ...] = ()
-_pack: Callable[[Any], bytes] = serialize
 _warned_topics: set[str] = set()
 
 
 def install(message_type: Any) -> None:
-    """Make rclpy support the class TFMessage, unless it is that of tf2_msgs."""
-    if not message_type.__module__.startswith('tf2_msgs.'):
-        _exchange_bytes(message_type, serialize)
-
-
-def _exchange_bytes(message_type: Any, pack: Callable[[Any], bytes]) -> None:
-    """Make rclpy exchange the messages of one class with rcl as bytes."""
-    global _converted, _pack
-    _converted, _pack = (message_type,), pack
+    """Make rclpy exchange the messages of a class TFMessage with rcl as bytes."""
+    global _converted
+    _converted = message_type,
     _rclpy.Publisher.publish = _publish_any
     _rclpy.Subscription.take_message = _take_any
     _rclpy.rclpy_serialize = _serialize_any
@@ -76,7 +69,7 @@ def _exchange_bytes(message_type: Any, pack: Callable[[Any], bytes]) -> None:
 
 def _publish_any(publisher: Any, message: Any) -> None:
     if isinstance(message, _converted):
-        publisher.publish_raw(_pack(message.transforms))
+        publisher.publish_raw(serialize(message.transforms))
     else:
         _publish(publisher, message)
 
@@ -99,7 +92,7 @@ def _take_any(subscription: Any, message_type: type, raw: bool) -> Optional[tupl
 
 def _serialize_any(message: Any, message_type: type) -> bytes:
     if isinstance(message, _converted):
-        return _pack(message.transforms)
+        return serialize(message.transforms)
     return _serialize(message, message_type)  # type: ignore[no-any-return]
 
 

@@ -19,10 +19,11 @@ class Metaclass_TFMessage(type):  # noqa: N801
     @classmethod
     def __import_type_support__(cls):
         """Load the type support; rclpy calls this on demand."""
-        from puretf._ros.rclpy_private import _exchange_bytes
+        from puretf._ros import rclpy_private
         from puretf._tf2_msgs import type_support
         if cls._TYPE_SUPPORT is None:
-            _exchange_bytes(TFMessage, _serialize)
+            rclpy_private.serialize = _serialize
+            rclpy_private.install(TFMessage)
         cls._CREATE_ROS_MESSAGE = type_support.CREATE_ROS_MESSAGE
         cls._CONVERT_FROM_PY = type_support.CONVERT_FROM_PY
         cls._CONVERT_TO_PY = type_support.CONVERT_TO_PY
