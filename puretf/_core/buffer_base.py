@@ -307,8 +307,7 @@ class BufferBase:
         :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
         with self._engine.reading():
-            states = self._engine.tree.states(until)
-        return [Frame(name, *state) for name, state, _ in states]
+            return [frame for frame, _ in self._engine.tree.frames(until)]
 
     def all_frames_as_yaml(self) -> str:
         """Return all frames with a parent as YAML in tf2's format; '[]' if there is no frame."""

@@ -313,18 +313,6 @@ class Engine:
         """Return whether messages may arrive, and whether blocked lookups may go on."""
         return any(source.is_alive() for source in self._sources), self.is_alive()
 
-    def availability(self, target: str, source: str, times: Sequence[int]
-                     ) -> tuple[list[bool], int]:
-        """
-        Return at which times (ns) there is a transform; much faster than one lookup for each.
-
-        The second value is a time (ns): a transform for an earlier time, other than 0, that is not
-        available now never will be. It is the latest common time minus the cache time.
-        """
-        with self.reading():
-            available, latest = self.lookups.available(target, source, times)
-        return available, latest - self.tree.cache_time if latest else -_INT64
-
     @property
     def is_awaited(self) -> bool:
         """True if a blocked lookup or a waiter waits for a transform."""

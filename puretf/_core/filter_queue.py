@@ -132,9 +132,10 @@ class FilterQueue:
         """Yield the messages that are ready and, with the reason, those that are too old."""
         for frame in {entry.frame for entry in entries}:  # one lookup for all messages of a frame
             group = [entry for entry in entries if entry.frame == frame]
-            answers = [(shift, *self._engine.availability(
-                target, frame, [entry.stamp + shift for entry in group]))
-                for target in self.targets for shift in {0, self.tolerance}]
+            with self._engine.reading():
+                answers = [(shift, *self._engine.lookups.available(
+                    target, frame, [entry.stamp + shift for entry in group]))
+                    for target in self.targets for shift in {0, self.tolerance}]
             for i, entry in enumerate(group):
                 if answers and all(available[i] for _, available, _ in answers):
                     yield entry

@@ -13,6 +13,7 @@ from typing import Any, Optional, Union
 import numpy as np
 from numpy.typing import NDArray
 
+from puretf._core.frames import Frame
 from puretf._core.pose import Columns, Pose, POSE_BYTES
 from puretf._core.slerp import interpolate_columns
 from puretf._text.times import is_frozen, SECOND
@@ -23,11 +24,6 @@ MAX_SAMPLES_PER_STAMP = 100
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
-
-#: The state of a frame: its newest parent, the publisher of the sample that was inserted last,
-#: whether the frame is static, the number of samples, the newest stamp, the oldest stamp, and the
-#: stamp (ns) and the publisher of the transform that arrived last.
-State = tuple[str, str, bool, int, int, int, int, str]
 
 
 class NoPose(LookupError):
@@ -128,14 +124,15 @@ class History:
         """The oldest stamp (ns); 0 if there are no samples."""
         return self.stamps[self.start] if self.stamps else 0
 
-    def state(self, until: int) -> Optional[State]:
+    def state(self, name: str, until: int) -> Optional[Frame]:
+        """Return the state up to a time (ns; 0: any); None without samples."""
         try:
             newest = self.find(min(until, self.latest) if until else 0)
         except NoPose:
             return None
-        return (self.parent_of(newest), self.authority, False, newest - self.start + 1,
-                self.stamps[newest], self.oldest, self.arrived,
-                self.refused_authority if self.is_refusing else self.authority)
+        return Frame(name, self.parent_of(newest), self.authority, False, newest - self.start + 1,
+                     self.stamps[newest], self.oldest, self.arrived,
+                     self.refused_authority if self.is_refusing else self.authority)
 
     def copy(self, since: int) -> 'History':
         """Return a copy with what is needed for lookups from a time (ns) on."""
@@ -393,8 +390,8 @@ class StaticHistory:
     def copy(self, since: int) -> 'StaticHistory':
         return StaticHistory(self.only_parent, self.pose, self.authority)
 
-    def state(self, until: int) -> State:
-        return self.only_parent, self.authority, True, 1, 0, 0, 0, self.authority
+    def state(self, name: str, until: int) -> Frame:
+        return Frame(name, self.only_parent, self.authority, True, 1, 0, 0, 0, self.authority)
 
     def pose_at(self, time: int) -> Pose:
         return self.pose

@@ -23,17 +23,12 @@ def path(tree: FrameTree, target: str, source: str, time: int) -> Path:
 
 
 def chain(tree: FrameTree, target: str, source: str, time: int) -> list[str]:
-    """Return the frames on the path that `path` finds, the source frame first."""
+    """Return the frames on the path at a time (ns; 0: the latest common), the source first."""
+    time = time or latest_common_time(tree, target, source)
     from_source, from_target = _walk(tree, target, source, time)
-    # The highest frame of the path is in neither list. It is the parent of the last frame of
-    # each list.
-    if from_target:
-        return [*from_source, *_parents(tree, from_target[-1:], time), *reversed(from_target)]
-    return [source, *_parents(tree, from_source, time)]
-
-
-def _parents(tree: FrameTree, frames: list[str], time: int) -> list[str]:
-    return [str(edge.parent_at(time)) for edge in _edges(tree, frames)]
+    # The highest frame of the path is in neither list: it is the parent of the last in each.
+    top = [str(edge.parent_at(time)) for edge in _edges(tree, (from_target or from_source)[-1:])]
+    return [*from_source, *(top or [source]), *reversed(from_target)]
 
 
 def _edges(tree: FrameTree, frames: list[str]) -> list[AnyHistory]:

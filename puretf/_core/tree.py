@@ -5,7 +5,8 @@ from typing import Any, Optional
 
 from puretf._causes.facts import Frames, Look, Parent, Surroundings
 from puretf._core import texts
-from puretf._core.history import AnyHistory, History, State
+from puretf._core.frames import Frame
+from puretf._core.history import AnyHistory, History
 from puretf.exceptions import described
 
 #: A time after all stamps (ns), which are int64.
@@ -134,10 +135,10 @@ class FrameTree:
             return texts.LEADING_SLASH
         return None if name in self.histories else texts.UNKNOWN_FRAME
 
-    def states(self, until: int = 0) -> list[tuple[str, State, AnyHistory]]:
-        """Return name, state and history of each frame with samples up to a time (ns; 0: any)."""
-        return [(name, state, history) for name, history in self.histories.items()
-                if history is not None and (state := history.state(until)) is not None]
+    def frames(self, until: int = 0) -> list[tuple[Frame, AnyHistory]]:
+        """Return state and history of each frame with samples up to a time (ns; 0: any)."""
+        return [(frame, history) for name, history in self.histories.items()
+                if history is not None and (frame := history.state(name, until)) is not None]
 
     def has_dynamic(self) -> bool:
         """Return whether there are, or were, dynamic frames; needs no lock."""

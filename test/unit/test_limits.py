@@ -401,17 +401,6 @@ class Watched:
         return self.work(*arguments)
 
 
-def test_frames_are_listed_without_the_lock(monkeypatch):
-    """The lock is held only while the numbers are copied."""
-    buffer = TransformBuffer()
-    by_messages(buffer, [T, T + 1], ['a', 'b'])
-    watched = Watched(buffer, Frame.__new__)
-    monkeypatch.setattr(Frame, '__new__', lambda *arguments: watched(*arguments))
-    assert [(frame.name, frame.latest, frame.oldest) for frame in buffer.frames()] == [
-        (name, T + 1, T) for name in 'ab']
-    assert watched.held == [False, False]
-
-
 def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     """This holds for `all_frames_as_string`, and for the list in the error about a loop."""
     buffer = TransformBuffer()

@@ -64,7 +64,7 @@ def compare_lookups(buffer, model, target, source, fixed, at, source_at):
     answer = outcome(buffer.lookup_transform, target, source, at)
     full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
     poses = buffer.lookup_transforms(target, source, [at, source_at, at])
-    available, _ = engine_of(buffer).availability(target, source, [at, source_at])
+    available, _ = engine_of(buffer).lookups.available(target, source, [at, source_at])
     other = outcome(buffer.lookup_transform, target, source, source_at)
     assert available == [not isinstance(one, str) for one in (answer, other)]
     assert [*poses[2]] == [not isinstance(one, str) for one in (answer, other, answer)]
