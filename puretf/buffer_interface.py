@@ -21,7 +21,7 @@ PyKDLType = Any
 TransformableObject = Any
 TransformableObjectType = Any
 
-#: The default timeout: do not wait. `Buffer.lookup_transform` tests for this object by `is`.
+#: The default timeout: do not wait.
 NO_WAIT = Duration()
 
 

@@ -28,12 +28,11 @@ from puretf._core.insertion import Insertion
 from puretf._core.lookup import Lookups
 from puretf._core.pose import Batch, BatchOrRows, Pose, POSE_BYTES, Row, Rows
 from puretf._core.times import nanoseconds_or_int
-from puretf._core.tree import FrameTree
+from puretf._core.tree import END, FrameTree
 from puretf._core.wake import Wake
 from puretf.exceptions import described, note_durations, TransformException
 
 _Result = TypeVar('_Result')
-_INT64 = 1 << 63
 #: The longest time between two attempts of a blocked lookup (s); nothing wakes it when ROS is shut
 #: down.
 _RETRY_INTERVAL = 0.2
@@ -148,7 +147,7 @@ class Engine:
         """Insert a pose as `BufferBase.insert` does."""
         _check_names(frame_id, child_frame_id, authority)
         stamp = index(stamp)
-        if not -_INT64 <= stamp < _INT64:
+        if not -END <= stamp < END:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
         x, y, z, qx, qy, qz, qw = array('d', pose)
         pose = x, y, z, qx, qy, qz, qw

@@ -70,10 +70,7 @@ class Path:
                 target_from_top = inverse(_columns_along(self.from_target, neighbours))
                 columns = (compose(target_from_top, columns) if self.from_source
                            else target_from_top)
-        result = np.empty((7, len(times)))
-        for row, column in zip(result, columns):
-            row[:] = column
-        return result, known
+        return np.array([np.broadcast_to(column, len(times)) for column in columns]), known
 
 
 def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:

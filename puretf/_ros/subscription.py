@@ -36,8 +36,6 @@ _MAX_MESSAGES = 1000
 _LONGEST_PAUSE = 0.1
 #: The rate (messages/s) up to which the thread does not pause.
 _LOW_RATE = 100.0
-#: What a taker passes on, as rclpy names it.
-_TIMES = 'received_timestamp', 'source_timestamp'
 
 
 class _PlainTaker(Generic[_Taken]):
@@ -49,7 +47,8 @@ class _PlainTaker(Generic[_Taken]):
         self._handle, self._make = handle, make
 
     def take(self, max_messages: int) -> list[_Taken]:
-        return [self._make(data, '', *(info[key] or 0 for key in _TIMES))
+        return [self._make(data, '', info['received_timestamp'] or 0,
+                           info['source_timestamp'] or 0)
                 for data, info in take_bytes(self._handle, max_messages)]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from puretf import TransformBuffer, TransformException
 from puretf._core.engine import engine_of
-from puretf._core.frames import as_string, Frame
+from puretf._core.frames import as_string
 from puretf._core.history import History
 from puretf._core.pose import Row
 from puretf._text import similar_names
