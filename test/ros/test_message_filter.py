@@ -243,16 +243,6 @@ def test_the_input_can_be_replaced(ros):
     assert setup.stamps() == [1 * S, 3 * S, 5 * S, 5 * S + 1, 6 * S]
 
 
-def test_a_callback_with_further_arguments(ros):
-    """A TimeSynchronizer of message_filters registers such a callback."""
-    setup, calls = Setup(ros), []
-    setup.filter.registerCallback(lambda *arguments: calls.append(arguments), 'queue', 3)
-    setup.insert(1 * S)
-    setup.add(message := point(1 * S))
-    setup.spin()
-    assert calls == [(message, 'queue', 3)]
-
-
 @pytest.mark.parametrize('by_node', [False, True])
 def test_it_ends(ros, by_node):
     """It ends with its node, or by unregister; no callback is called any more."""

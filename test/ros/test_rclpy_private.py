@@ -3,7 +3,6 @@
 import ast
 from collections.abc import Callable
 from pathlib import Path
-import threading
 import time
 from typing import Any
 
@@ -134,30 +133,6 @@ def test_a_guard_condition_calls_before_it_is_destroyed(make_node, by_node):
     assert ended == [True]
     node.destroy_node()
     assert ended == [True]
-
-
-def test_a_guard_condition_wakes_the_executor(ros):
-    """A trigger from another thread ends a `spin_once` without a timeout."""
-    guard = guard_condition(ros.node, ReentrantCallbackGroup(), print)
-    is_over = threading.Event()
-
-    def spin():
-        for _ in range(20):  # more than the first events of the node
-            ros.executor.spin_once()
-        return True
-
-    def trigger():
-        while not is_over.wait(0.001):
-            guard.trigger()
-
-    triggering = threading.Thread(target=trigger)
-    triggering.start()
-    try:
-        assert run_in_thread(spin)
-    finally:
-        is_over.set()
-        triggering.join()
-    ros.node.destroy_guard_condition(guard)
 
 
 def test_an_executor_that_spins_until_a_future_is_done_adds_a_callback_of_its_own(ros):

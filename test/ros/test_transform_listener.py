@@ -225,30 +225,6 @@ def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
     tf_static.destroy()
 
 
-def test_in_a_pause_only_static_transforms_wake_the_thread(ros, sender):
-    """Messages of /tf stay in the queue until the pause is over."""
-    tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, QoSProfile(depth=1),
-                               ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
-    rounds: list[bool] = []
-
-    def work():
-        rounds.append(True)
-        return False, False, 1000.0
-
-    thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
-                            ignore_nothing, ignore_nothing)
-    thread.start()
-    eventually(lambda: rounds)
-    sender.send(stamped(1))
-    time.sleep(0.05)
-    assert rounds == [True]
-    sender.static.sendTransform(stamped(child='static'))
-    eventually(lambda: len(rounds) > 1)
-    thread.end()
-    tf.destroy()
-    tf_static.destroy()
-
-
 def ignore_nothing():
     """Do nothing."""
 
@@ -903,19 +879,35 @@ def test_the_node_name_is_free_at_once_after_destroy_node(ros, capfd):
     assert without_library_lines(capfd.readouterr().err) == ''
 
 
+@pytest.mark.parametrize('is_own', [True, False])
 @pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
-def test_an_end_within_a_block_of_the_buffer(sender, own, end):
-    """The call returns, and the thread ends after the block."""
-    buffer = Buffer(node=own)
+def test_an_end_within_a_block_of_the_buffer(sender, own, end, is_own):
+    """The call returns, unless it waits for the lock of another; the thread ends afterwards."""
+    buffer, is_held, is_over = Buffer(node=own), threading.Event(), threading.Event()
     listener = TransformListener(buffer, own)
 
-    def run():
-        with buffer.updated():
-            sender.send(stamped(1))
-            {'unregister': listener.unregister, 'destroy_node': own.destroy_node}[end]()
+    def end_it():
+        {'unregister': listener.unregister, 'destroy_node': own.destroy_node}[end]()
         return True
 
-    assert run_in_thread(run)
+    def hold():
+        with buffer.updated():
+            sender.send(stamped(1))
+            if is_own:
+                end_it()
+            is_held.set()
+            is_over.wait()
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    try:
+        assert is_held.wait(TIMEOUT)
+        if not is_own and end == 'destroy_node':  # it does not wait for the lock
+            assert run_in_thread(end_it)
+    finally:
+        is_over.set()
+        thread.join()
+    end_it()
     eventually(lambda: not threads_of_listeners())
 
 
@@ -939,28 +931,6 @@ def test_a_late_thread_destroys_nothing(ros, sender, own, listen, end):
         assert threads_of_listeners()
     finally:
         is_over.set()
-    eventually(lambda: not threads_of_listeners())
-
-
-def test_an_end_while_another_thread_is_in_a_block(own):
-    """`destroy_node` does not wait for the lock, which the listener's thread needs to end."""
-    buffer = Buffer(node=own)
-    TransformListener(buffer, own)
-    is_held, is_over = threading.Event(), threading.Event()
-
-    def hold():
-        with buffer.updated():
-            is_held.set()
-            is_over.wait()
-
-    thread = threading.Thread(target=hold)
-    thread.start()
-    assert is_held.wait(TIMEOUT)
-    try:
-        assert run_in_thread(lambda: own.destroy_node() or True)
-    finally:
-        is_over.set()
-        thread.join()
     eventually(lambda: not threads_of_listeners())
 
 

@@ -56,20 +56,6 @@ def setup():
     return Setup()
 
 
-def test_a_message_is_ready_once_when_its_transform_is_available(setup):
-    """It waits until then; the stamp 0 stands for the latest time."""
-    setup.put(5)
-    setup.insert(4)
-    assert setup.outcomes() == []
-    setup.insert(6)
-    assert setup.outcomes() == [5]
-    setup.insert(7)
-    assert setup.outcomes() == []
-    setup.put(6, 0)  # available at once
-    setup.put(7, frame='/laser')
-    assert setup.outcomes() == [0, 6, 7]
-
-
 def test_a_message_whose_lookup_inserts_transforms(setup):
     """If they are those of older messages, these are taken first."""
     setup.insert(1)
@@ -112,43 +98,6 @@ def test_a_transform_that_is_lost(setup):
     setup.buffer.clear()
     assert setup.outcomes() == [(1, UNKNOWN)]
     assert setup.queue.dropped[UNKNOWN] == 1
-
-
-def test_a_tolerance():
-    """The transform must be available at the stamp, and at the stamp plus the tolerance."""
-    setup = Setup(tolerance=5)
-    setup.put(10)
-    setup.insert(10, 14)
-    assert setup.outcomes() == []
-    setup.insert(15)
-    assert setup.outcomes() == [10]
-    setup.put(8)  # available at the stamp plus the tolerance only
-    assert setup.outcomes() == []
-
-
-def test_a_change_of_the_settings(setup):
-    """Messages that wait or are due are looked up again; without target frames, none is ready."""
-    setup.insert(2)
-    setup.put(1, 2, 3)  # the second is due
-    setup.put(2, frame='')
-    setup.queue.targets, setup.queue.size = (), 2
-    setup.queue.restart()
-    setup.queue.shorten()
-    assert setup.outcomes() == [(1, FULL), (2, EMPTY)]
-    setup.queue.targets = ('laser',)  # no transform is needed
-    setup.queue.restart()
-    assert setup.outcomes() == [2, 3]
-
-
-def test_after_clear_nothing_old_is_due(setup):
-    """This holds for messages that wait and for those that are due."""
-    setup.put(1, frame='')
-    setup.put(2)
-    setup.queue.clear()
-    setup.insert(2)
-    assert setup.outcomes() == []
-    setup.put(2)
-    assert setup.outcomes() == [2]
 
 
 def test_several_threads():

@@ -6,14 +6,11 @@ import sys
 from threading import Event, Thread
 import traceback
 
-from messages import ArrivedMessages
 import pytest
 
 from puretf import LookupException, TransformBuffer
 from puretf._core.engine import engine_of
 from puretf._core.history import History
-from puretf._core.pose import Row
-from puretf._wire import cdr
 
 pytestmark = [
     pytest.mark.skipif(not hasattr(os, 'fork'), reason='there is no os.fork here'),
@@ -130,17 +127,3 @@ def test_a_fork_while_another_thread_looks_up():
 
     in_child(look)
     assert len(views) == 2
-
-
-def test_the_child_has_no_sources():
-    """What arrives after the fork is for the parent."""
-    buffer = TransformBuffer()
-    put(buffer, 5)
-    engine_of(buffer).add_source(ArrivedMessages(cdr.pack([Row(7, 'map', 'tool', STILL)])))
-
-    def look():
-        assert x(buffer) == 5
-        assert not engine_of(buffer).is_awaited
-
-    in_child(look)
-    assert buffer.lookup_transform('map', 'tool').stamp == 7

@@ -15,7 +15,6 @@ import pytest
 
 from puretf import TransformBuffer
 from puretf._core.engine import engine_of
-from puretf._core.history import History
 from puretf._core.pose import Batch, Row
 from puretf._wire import cdr, ros1
 from puretf._wire.message_reader import MessageReader
@@ -203,43 +202,6 @@ def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
     assert not source.take()
 
 
-@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.05, 0.2]))
-def test_streams_that_have_frames_in_common_answer_as_single_transforms_do(seed, disturbances):
-    """Messages are parts of a chain, late, repeated, with new parents, or follow a clear."""
-    random = np.random.default_rng(seed)
-    fast, slow = TransformBuffer(2 * S), TransformBuffer(2 * S)
-    reader = MessageReader(fail_on_error)
-    now, sent = T * S, [chain(6, T * S)]
-    for _ in range(10):
-        batch = []
-        for _ in range(random.integers(1, 8)):
-            now += int(random.integers(1, S // 4))
-            batch.append(chain(6, now, float(random.normal())))
-            if random.random() < disturbances:
-                batch.append([
-                    chain(int(random.integers(1, 6)), now + 1),
-                    chain(6, now - int(random.integers(0, 3 * S)), 5.0),
-                    sent[-1], batch[0], chain(6, now, 7.0),
-                    cdr.pack([Row(now, 'f0', f'new {now}', STILL)]),
-                    cdr.pack([Row(now, 'other', 'f3', STILL)]),
-                ][random.integers(0, 7)])
-        sent += batch
-        insert(fast, reader, *batch)
-        for row in (row for data in batch for row in cdr.unpack(data)):
-            slow.insert(*row)
-        assert state(fast) == state(slow)
-        times = random.integers(now - 3 * S, now + S // 10, 20)
-        for source in 'f6', 'f3':
-            one, other = (buffer.lookup_transforms('f1', source, times)
-                          for buffer in (fast, slow))
-            for left, right in zip(one, other):
-                np.testing.assert_array_equal(left, right)
-        if random.random() < disturbances / 2:
-            fast.clear()
-            slow.clear()
-            now -= 10 * S
-
-
 FILES = 'history.py', 'insertion.py', 'tree.py', 'engine.py'
 
 
@@ -360,37 +322,6 @@ def test_one_leading_slash_is_removed_however_a_message_comes():
     for stamp in 10, 11, 5, 12:
         insert(buffer, reader, cdr.pack([Row(stamp, '//map', 'x', STILL)]))
     assert buffer.dump()['x']['parents'] == ['/map'] * 4
-
-
-def test_an_insertion_that_fails_leaves_each_pose_its_stamp():
-    """An array cannot grow while a memoryview of it exists, so the insertion fails."""
-    buffer = TransformBuffer()
-    for stamp, parent in (10, 'a'), (20, 'a'), (30, 'b'):
-        buffer.insert(stamp, parent, 'c', (float(stamp), *STILL[1:]))
-    history = engine_of(buffer).tree.histories['c']
-    assert isinstance(history, History)
-    view = memoryview(history.stamps)
-    with pytest.raises(BufferError):
-        buffer.insert(15, 'a', 'c', (15.0, *STILL[1:]))
-    view.release()
-    assert not buffer.can_transform('a', 'c', 20)  # which pose belongs to it is not known any more
-    assert buffer.insert(25, 'a', 'c', (25.0, *STILL[1:]))
-    assert buffer.lookup_transform('a', 'c', 25).translation[0] == 25.0
-
-
-def test_messages_wake_a_lookup_that_waits():
-    """The lookup returns the transform of the message."""
-    buffer, reader = TransformBuffer(), MessageReader(fail_on_error)
-    found = []
-    waiting = threading.Thread(target=lambda: found.append(
-        buffer.lookup_transform('f0', 'f1', T * S, timeout=60 * S)))
-    waiting.start()
-    while not engine_of(buffer).is_awaited:
-        pass
-    insert(buffer, reader, chain(1, T * S))
-    waiting.join(60.0)
-    assert found[0].stamp == T * S
-    assert not engine_of(buffer).is_awaited
 
 
 def test_numbers_that_are_not_finite_give_no_warning():

@@ -54,17 +54,6 @@ def test_the_pose_of_the_source_in_the_target():
     assert answer.apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 2.0, 3.0])
 
 
-def test_large_coordinates():
-    """Those of UTM are exact to a nanometre: float64 has 52 bits, 5 800 000 m need 23."""
-    buffer, east = TransformBuffer(), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
-    buffer.insert(T, 'utm', 'map', (500_000.25, 5_800_000.5, 30.0, *east))
-    buffer.insert(T, 'map', 'base', (100.0, 2.0, 0.5, *STILL))
-    for frames, expected in ((('utm', 'base'), (499_998.25, 5_800_100.5, 30.5)),
-                             (('base', 'utm'), (-5_800_100.5, 499_998.25, -30.5))):
-        found = buffer.lookup_transform(*frames).translation
-        assert found == pytest.approx(expected, rel=0, abs=2e-9)
-
-
 def test_time_0_is_the_latest_common_time():
     """Neither static edges nor dynamic edges with stamp 0 limit the latest common time."""
     buffer = TransformBuffer()
@@ -425,28 +414,18 @@ def test_many_insertions_at_once(stamps):
     assert whole.dump() == single.dump()
 
 
-def test_many_insertions_in_parts():
+def test_many_insertions_in_parts(caplog):
     """The lock is released between parts; one bad pose does not slow down or hide the others."""
     buffer = TransformBuffer(S)
     poses = np.tile((0.0, 0.0, 0.0, *STILL), (5000, 1))
     poses[:, 0], poses[4000, 3:] = np.arange(5000), 0.0
     assert buffer.insert_many(np.arange(1, 5001)[::-1], 'map', 'tool', poses[::-1]) is False
     assert len(buffer.path_stamps('map', 'tool')) == 4999
+    assert 'TF_NAN_INPUT: Ignoring transform for child_frame_id "tool"' in caplog.text
+    assert buffer.insert_many([5000 - 2 * S, 5001], 'map', 'tool', poses[:2]) is False
+    assert len(buffer.path_stamps('map', 'tool')) == 5000
     assert [x_at(buffer, 'map', 'tool', 1 + i) for i in (0, 2499, 2500, 4999)] == [
         0.0, 2499.0, 2500.0, 4999.0]
-
-
-def test_many_insertions_that_are_refused(caplog):
-    """The others are inserted; the log says why."""
-    poses = np.tile((0.0, 0.0, 0.0, *STILL), (3, 1))
-    buffer = TransformBuffer(10)
-    put(buffer, 'map', 'tool', 20)
-    assert buffer.insert_many([9, 15, 16], 'map', 'tool', poses) is False
-    assert buffer.path_stamps('map', 'tool').tolist() == [15, 16, 20]
-    poses[1, 3:] = 0.0
-    assert buffer.insert_many([21, 22, 23], 'map', 'cup', poses) is False
-    assert buffer.path_stamps('map', 'cup').tolist() == [21, 23]
-    assert 'cup' in caplog.text
 
 
 @pytest.mark.parametrize(('arguments', 'error'), [
@@ -534,19 +513,6 @@ def test_errors_are_exceptions_like_others():
     assert pickle.loads(pickle.dumps(TransformException('a', 5))).args == ('a', 5)
 
 
-@pytest.mark.parametrize('function', ['np.minimum', 'itemgetter'])
-def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch, function):
-    """The kept exception refers to the lookup's arrays, which must not prevent insertions."""
-    buffer = TransformBuffer()
-    put(buffer, 'a', 'b', T)
-    put(buffer, 'a', 'b', T + S)
-    monkeypatch.setattr(f'puretf._core.history.{function}', lambda *_: 1 / 0)
-    with pytest.raises(ZeroDivisionError) as kept:
-        buffer.lookup_transforms('a', 'b', [T, T + 1])
-    assert put(buffer, 'a', 'b', T + 2 * S)
-    assert kept.tb is not None
-
-
 def test_frames_as_tf2_writes_them():
     """The YAML and the text have the format of tf2."""
     buffer = TransformBuffer()
@@ -618,26 +584,28 @@ def in_a_block(buffer):
 @pytest.mark.parametrize(('use', 'least'), [
     (lambda buffer: buffer.lookup_transform('map', 'nobody', 0, S // 1000), 20),
     (lambda buffer: buffer.lookup_transform_full('map', T, 'nobody', T, 'map', S // 1000), 20),
-    (in_a_block, 5)], ids=['lookup', 'full lookup', 'block'])
+    (lambda buffer: buffer.lookup_transforms('map', 'tool', [T, T + 1]), 20),
+    (in_a_block, 5)], ids=['lookup', 'full lookup', 'many lookups', 'block'])
 def test_ctrl_c_leaves_the_buffer_free(use, least):
-    """Another thread can look up, wherever it was raised, even while the exception is kept."""
+    """Another thread can insert, wherever it was raised, even while the exception is kept."""
     buffer, places = TransformBuffer(), 0
     put(buffer, 'map', 'tool')
+    put(buffer, 'map', 'tool', T + S)
 
     def work():
         with suppress(LookupException):
             use(buffer)
 
     for interrupt in interruptions(
-            lambda: work, 'engine.py', 'transform_buffer.py', 'lookup.py', 'tree.py',
-            'test_transform_buffer.py', 'contextlib.py'):
+            lambda: work, 'engine.py', 'buffer_base.py', 'transform_buffer.py', 'lookup.py',
+            'tree.py', 'history.py', 'path.py', 'test_transform_buffer.py', 'contextlib.py'):
         places += 1
         results = []
-        thread = threading.Thread(
-            target=lambda: results.append(x_at(buffer, 'map', 'tool')), daemon=True)  # noqa: B023
+        thread = threading.Thread(target=lambda: results.append(put(  # noqa: B023
+            buffer, 'map', 'tool', T + S + places)), daemon=True)  # noqa: B023
         thread.start()
         thread.join(60.0)
-        assert results == [0.0], f'locked by Ctrl-C at place {places}: {interrupt!r}'
+        assert results == [True], f'locked by Ctrl-C at place {places}: {interrupt!r}'
     assert places > least
 
 
@@ -664,17 +632,15 @@ def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
 
 
 @on_unix
-def test_a_signal_handler_does_not_wait(monkeypatch):
+def test_a_signal_handler_does_not_wait():
     """It may have interrupted the call that would insert the data, so it would wait in vain."""
     buffer, errors = TransformBuffer(), []
 
     def handle(*_):
         with pytest.raises(LookupException) as error:
-            buffer.lookup_transform('map', 'tool', timeout=60 * S)
+            buffer.lookup_transform('map', 'tool', timeout=10**6 * S)
         errors.append(error)
 
-    # A lookup that waits looks at the clock.
-    monkeypatch.setattr('puretf._core.engine.monotonic', lambda: pytest.fail('it waits'))
     before = signal.signal(signal.SIGALRM, handle)
     try:
         with buffer.updated():
@@ -791,7 +757,8 @@ def test_a_buffer_is_loaded():
     ({'stamps': [T, T]}, 'length'), ({'poses': [[1.0]]}, 'reshape'), ({'parents': [5]}, 'names'),
     ({'poses': [[0.0] * 7]}, 'normalised'), ({'stamps': [0.5]}, 'float'),
     ({'authority': 5}, 'names'), ({'parents': ['odom']}, 'name'), ({'parents': ['base']}, 'name'),
-    ({'arrived': 'x'}, 'integer'), ({'arrived': None}, 'integer'),
+    ({'parents': [''], 'stamps': [T]}, 'name'), ({'arrived': 'x'}, 'integer'),
+    ({'arrived': None}, 'integer'),
     ({'stamps': [T + 1, T], 'parents': ['map'] * 2, 'poses': [[0.0] * 6 + [1.0]] * 2}, 'order')])
 def test_a_buffer_is_loaded_from_other_data(changes, error):
     """The error names the frame."""
@@ -803,15 +770,9 @@ def test_a_buffer_is_loaded_from_other_data(changes, error):
         TransformBuffer.load(dump)
     with pytest.raises(ValueError, match=r"frame 'base' are not those that dump.*stamps"):
         TransformBuffer.load({'base': {}})
-
-
-@pytest.mark.parametrize('name', ['', 5])
-def test_a_buffer_is_loaded_with_a_wrong_name(name):
-    """A name that no frame can have is an error, too."""
-    buffer = TransformBuffer()
-    put(buffer, 'map', 'base')
-    with pytest.raises(ValueError, match=f'frame {name!r} are not those'):
-        TransformBuffer.load({**buffer.dump(), name: buffer.dump()['map']})
+    for name in '', 5:
+        with pytest.raises(ValueError, match=f'frame {name!r} are not those'):
+            TransformBuffer.load(cast(Any, {name: dump['map']}))
     with pytest.raises(TypeError, match=r'must be what dump.. has returned, got 5 of type int'):
         TransformBuffer.load(cast(Any, 5))
 

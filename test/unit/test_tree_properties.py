@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from transforms3d import quaternions
 
-from puretf import ExtrapolationException, TransformBuffer, TransformException
+from puretf import ExtrapolationException, TransformBuffer
 from puretf._core.engine import engine_of
 
 S = 1_000_000_000
@@ -76,48 +76,6 @@ def compare_lookups(buffer, model, target, source, fixed, at, source_at):
     with contextlib.suppress(Loop):
         assert are_equal(answer, model.lookup(target, source, at))
         assert are_equal(full, model.lookup_full(target, at, source, source_at, fixed))
-
-
-@st.composite
-def trees(draw):
-    """Return a tree of frames with two samples each, three of them, and a time between the two."""
-    buffer = TransformBuffer()
-    count = draw(st.integers(2, 8))
-    for child in range(1, count):
-        parent = draw(st.integers(0, child - 1))
-        for stamp in START, START + S:
-            pose = (*draw(translations), *draw(rotations))
-            assert buffer.insert(stamp, f'f{parent}', f'f{child}', pose)
-    frame = st.integers(0, count - 1).map('f{}'.format)
-    return buffer, draw(st.tuples(frame, frame, frame)), START + draw(st.integers(0, S))
-
-
-def near(one, other):
-    """Return True if two transforms are equal up to rounding."""
-    return (one[:3] == other[:3]
-            and np.allclose(one.matrix(), other.matrix(), rtol=0, atol=1e-9))
-
-
-@given(trees())
-def test_the_way_back_is_the_inverse(tree):
-    """Swapping target and source inverts the transform, for any two frames."""
-    buffer, (a, b, _), at = tree
-    assert near(buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, a, at).inverse())
-
-
-@given(trees())
-def test_a_path_can_be_cut_anywhere(tree):
-    """a_from_c equals a_from_b @ b_from_c for any frame b."""
-    buffer, (a, b, c), at = tree
-    a_from_b, b_from_c = buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, c, at)
-    assert near(a_from_b @ b_from_c, buffer.lookup_transform(a, c, at))
-
-
-@given(trees())
-def test_rotations_stay_unit(tree):
-    """The quaternion of a lookup has norm 1, however long the path is."""
-    buffer, (a, b, _), at = tree
-    assert np.linalg.norm(buffer.lookup_transform(a, b, at).rotation) == pytest.approx(1, abs=1e-9)
 
 
 def turning(before, after, duration=S):
@@ -240,30 +198,6 @@ def edges_between(target, source, parents):
         return [frame, *up(parents[frame])] if frame in parents else [frame]
 
     return {*up(target)} ^ {*up(source)}
-
-
-@given(st.lists(inserts, min_size=1, max_size=30), st.data())
-def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents(data, more):
-    """The edge misses the requested time by as much as the error says, according to `frames`."""
-    buffer = TransformBuffer(2 * S)
-    for stamp, parent, child, xyz, xyzw, is_static in data:
-        buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
-    frames, at = st.sampled_from(FRAMES), more.draw(times.filter(bool))
-    error = None
-    try:
-        buffer.lookup_transform(more.draw(frames), more.draw(frames), at)
-    except ExtrapolationException as raised:
-        error = str(raised)
-    except TransformException:
-        pass
-    if error is not None and (hint := HINT.search(error)):
-        parent, child, verb, seconds, _ = hint.groups()
-        (frame,) = [frame for frame in buffer.frames() if frame.name == child]
-        assert frame.parent == parent
-        assert round(float(seconds) * S) == (
-            at - frame.latest if verb == 'end' else frame.oldest - at) > 0
-    else:
-        assert error is None or ' is in the tree with root ' in error
 
 
 HINT = re.compile(
