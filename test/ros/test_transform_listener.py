@@ -9,7 +9,7 @@ import time
 
 from endings import check_end, end_in_every_order, without_library_lines
 from geometry_msgs.msg import TransformStamped
-from messages import fail_on_error, golden_messages, ignore
+from messages import golden_messages, ignore
 from processes import TIMEOUT
 import pytest
 from rclpy.context import Context
@@ -728,73 +728,31 @@ def test_the_subscriptions_of_overridden_callbacks_end_with_the_listener(ros, li
 # The source and the pauses of the thread
 
 
-@pytest.fixture
-def source_of(ros):
-    """
-    Return a function that creates a source of a depth, with a clock and its own subscriptions.
-
-    That returns the source, and a function that publishes messages, which the source then takes.
-    """
-    subscriptions = []
-
-    def create(depth, clock):
-        tf, tf_static = (subscribe(ros.node, TFMessage, f'/{topic}_{depth}', ignore,
-                                   QoSProfile(depth=depth), ros.node.default_callback_group)
-                         for topic in ('tf', 'tf_static'))
-        subscriptions.extend([tf, tf_static])
-        source = SubscriptionSource(tf_static, tf, fail_on_error, ignore_nothing, clock)
-        broadcaster = TransformBroadcaster(ros.node, tf_topic=f'/tf_{depth}')
-        eventually(broadcaster.pub_tf.get_subscription_count)
-
-        def publish(count):
-            source.take()
-            for number in range(count):
-                broadcaster.sendTransform(stamped(number + 1))
-                eventually(source.take)
-
-        return source, publish
-
-    yield create
-    for subscription in subscriptions:
-        subscription.destroy()
-
-
-def test_in_a_pause_half_of_the_queue_stays_free(source_of):
+@pytest.mark.parametrize(('depth', 'messages', 'seconds', 'expected'), [
+    (100, 50, 0.1, 0.1),  # 500 Hz
+    (100, 50, 0.05, 0.05),  # 1000 Hz
+    (100, 50, 0.005, 0.005),  # 10 000 Hz
+    (100, 76, 0.1, 0.0),  # more may have been lost
+    (6, 4, 0.01, 0.0075), (1, 1, 0.001, 0.0),
+    (100, 9, 0.1, 0.0),  # 90 Hz
+    (100, 11, 0.1, 0.1), (100, 0, 0.1, 0.0)])
+def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, expected):
     """The pause follows from the rate since the last round; up to 100 Hz there is no pause."""
+    class Source(SubscriptionSource):
+        """A source to which messages have come."""
+
+        def _take(self, subscription):
+            return [] if subscription.is_static else [(b'', None)] * messages
+
     now = 1000.0
-    sources = {depth: source_of(depth, lambda: now) for depth in (100, 6, 1)}
-    for depth, messages, seconds, expected in (
-            (100, 50, 0.1, 0.1),  # 500 Hz
-            (100, 50, 0.05, 0.05),  # 1000 Hz
-            (100, 50, 0.005, 0.005),  # 10 000 Hz
-            (100, 76, 0.1, 0.0),  # more may have been lost
-            (6, 4, 0.01, 0.0075),
-            (1, 1, 0.001, 0.0),
-            (100, 9, 0.1, 0.0),  # 90 Hz
-            (100, 11, 0.1, 0.1),
-            (100, 0, 0.1, 0.0)):
-        source, publish = sources[depth]
-        source.next_pause()
-        publish(messages)
-        now += seconds
-        assert source.next_pause() == pytest.approx(expected)
-        assert source.next_pause() == 0.0
-
-
-def test_messages_are_inserted_without_lookups(ros, sender, listen):
-    """The thread pauses at this rate, but inserts messages while they keep arriving."""
-    buffer, _ = listen()
-    engine, generations = engine_of(buffer), set()
-    update = engine.update
-
-    def record():
-        generations.add(generation := update())  # only the thread updates the buffer here
-        return generation
-
-    vars(engine)['update'] = record
-    sender.flood()
-    generations.clear()
-    eventually(lambda: sender.send(stamped(1)) or len(generations) > 3)
+    tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, QoSProfile(depth=depth),
+                               ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
+    source = Source(tf_static, tf, ignore, ignore_nothing, lambda: now)
+    source.take()
+    now += seconds
+    assert source.next_pause() == pytest.approx(expected)
+    assert source.next_pause() == 0.0
+    source.close()
 
 
 # Ends

@@ -181,17 +181,6 @@ def chain(number, stamp, shift=0.0):
                       for i in range(number)])
 
 
-def test_a_child_that_occurs_twice_in_a_message(logs):
-    """Its transforms stay in order, so that none of them is late."""
-    buffer, reader = TransformBuffer(2 * S), MessageReader(fail_on_error)
-    messages = [cdr.pack([Row((T + i) * S, 'a', 'b', (i + x, *STILL[1:])) for x in (0.0, 0.5)])
-                for i in range(8)]
-    insert(buffer, reader, *messages)
-    assert buffer.dump()['b']['stamps'] == [(T + i) * S for i in (5, 5, 6, 6, 7, 7)]
-    assert [pose[0] for pose in buffer.dump()['b']['poses']] == [5.0, 5.5, 6.0, 6.5, 7.0, 7.5]
-    assert not logs
-
-
 def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
     """Messages that have arrived are inserted first, although they were not pulled yet."""
     buffer = TransformBuffer()
@@ -302,18 +291,6 @@ def test_more_frames_than_allowed_are_refused_and_logged_once(logs):
     (text,) = [record.getMessage() for record in logs]
     assert text.startswith('TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "new" ')
     assert 'max_frames of the buffer allows 4 frames' in text
-
-
-@pytest.mark.parametrize('parent', ['', '/'])
-def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs):
-    """The empty name, which stands for several parents there, is not mistaken for their name."""
-    buffer, reader = TransformBuffer(), MessageReader(fail_on_error)
-    buffer.insert(1, 'a', 'x', STILL)
-    buffer.insert(2, 'b', 'x', STILL)
-    for stamp in 3, 4:
-        insert(buffer, reader, cdr.pack([Row(stamp, parent, 'x', STILL)]))
-    assert buffer.dump()['x']['stamps'] == [1, 2]
-    assert logs[0].getMessage().startswith('TF_NO_FRAME_ID')
 
 
 def test_one_leading_slash_is_removed_however_a_message_comes():

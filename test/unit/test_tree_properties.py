@@ -86,18 +86,6 @@ def turning(before, after, duration=S):
     return buffer
 
 
-@given(any_rotations, any_rotations, st.floats(0.0, 1.0), st.booleans(), st.booleans())
-def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_before, flip_after):
-    """This holds for interpolation, too, unless the rotations are half a turn apart."""
-    assume(abs(np.dot(before, after)) > 1e-6)
-    matrices = []
-    for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
-        buffer = turning(np.multiply(before, signs[0]), np.multiply(after, signs[1]))
-        matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
-    one, other = matrices
-    assert np.allclose(one, other, rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize('rotation', HALF_TURNS)
 @pytest.mark.parametrize('ratio', [0.0, 0.25, 0.5, 1.0])
 def test_half_a_turn(rotation, ratio):
