@@ -1,9 +1,7 @@
 """Buffer: the interface of tf2_ros, waiting, and the release of resources."""
 
 from collections.abc import Iterator
-from copy import copy, deepcopy
 import gc
-import pickle
 import sys
 import threading
 import weakref
@@ -507,13 +505,6 @@ def test_the_buffer_of_tf2_py():
     """BufferCore has no method that waits, and no `transform`."""
     assert not hasattr(BufferCore(), 'lookup_transform')
     assert not hasattr(BufferCore(), 'transform')
-
-
-@pytest.mark.parametrize('kind', [Buffer, BufferCore])
-def test_a_buffer_is_not_pickled(kind):
-    for make in copy, deepcopy, pickle.dumps:
-        with pytest.raises(TypeError, match=rf'^a {kind.__name__} can be neither pickled nor cop'):
-            make(kind())
 
 
 def test_a_buffer_without_node_has_a_clock():

@@ -138,15 +138,6 @@ def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
     assert 'max_samples of the buffer allows 10 dynamic transforms' in text
 
 
-def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
-    """One sample of the new frame is kept, always the newest."""
-    buffer = TransformBuffer(max_samples=10)
-    insert(buffer, [T + i for i in range(10)], ['a'])
-    insert(buffer, [T, T + 5], ['new'])
-    assert lengths(buffer) == {'a': 10, 'new': 1}
-    assert buffer.lookup_transform('map', 'new').stamp == T + 5
-
-
 @pytest.mark.parametrize('end', [
     lambda buffer: by_calls(buffer, [T + 10 * S, T + 10 * S + 1], ['a']),  # the others expire
     lambda buffer: buffer.insert(T, 'map', 'a', STILL, is_static=True),

@@ -16,6 +16,7 @@ from typing import Any
 
 from environment import ROOT
 from imports import modules, PACKAGES
+import pytest
 
 #: The slots of generated messages: geometry_msgs, std_msgs, builtin_interfaces.
 SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transform',
@@ -95,16 +96,11 @@ def test_private_names_are_used_by_one_file_for_each_library():
     assert {path: names for path, names in used.items() if names or path in PRIVATE} == PRIVATE
 
 
-def test_fast_dds_is_used_by_one_file():
-    """Its mangled symbols, which contain `eprosima`, are in no other file."""
-    assert [path.name for path in modules().values()
-            if 'eprosima' in path.read_text()] == ['fast_dds.py']
-
-
-def test_cyclone_dds_is_used_by_one_file():
-    """The names of its functions, which begin with `dds_`, are in no other file."""
-    assert [path.name for path in modules().values()
-            if '.dds_' in path.read_text()] == ['cyclone_dds.py']
+@pytest.mark.parametrize(('name', 'file'), [
+    ('eprosima', 'fast_dds.py'), ('.dds_', 'cyclone_dds.py')])
+def test_a_middleware_is_used_by_one_file(name, file):
+    """The mangled symbols of Fast DDS, and the functions of Cyclone DDS, are in no other file."""
+    assert [path.name for path in modules().values() if name in path.read_text()] == [file]
 
 
 def test_a_lock_knows_whether_this_thread_holds_it():
