@@ -331,7 +331,11 @@ class Engine:
             source.wake()
 
     def after_fork(self) -> None:
-        """Keep the data in the child of a fork, where only the forking thread exists."""
+        """
+        Keep the data in the child of a fork, where only the forking thread exists.
+
+        If another thread was changing the data, the next use mends them.
+        """
         self.lock = RLock()  # another thread may have held the old one
         self._sources, self._waiters, self.wakes = (), (), set()
         self.is_alive = lambda: True
@@ -339,7 +343,6 @@ class Engine:
         self.look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('puretf').warning
         self.tree.copy_samples()
-        self._mend()  # another thread may have been inserting
 
 
 def _check_names(frame_id: object, child_frame_id: object, authority: object) -> None:

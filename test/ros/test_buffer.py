@@ -501,12 +501,6 @@ def test_a_clock_may_jump_when_the_buffer_is_gone(make_node, quick_gc):
     del kept, others
 
 
-def test_the_buffer_of_tf2_py():
-    """BufferCore has no method that waits, and no `transform`."""
-    assert not hasattr(BufferCore(), 'lookup_transform')
-    assert not hasattr(BufferCore(), 'transform')
-
-
 def test_a_buffer_without_node_has_a_clock():
     """The clock is a plain Clock, which shows the system time."""
     assert type(Buffer().clock) is Clock

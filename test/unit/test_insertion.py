@@ -226,7 +226,7 @@ ANY, LATER = range(1000), (2 * 10**9, 2 * 10**9 + 1)
 
 
 @pytest.mark.parametrize(('limits', 'before', 'put', 'rows', 'kept', 'step'), [
-    *(pytest.param({'cache_time': 50 * S}, before, put, rows_at(*seconds, parent=parent), ANY, 3,
+    *(pytest.param({'cache_time': 50 * S}, before, put, rows_at(*seconds, parent=parent), ANY, 1,
                    id=f'{seconds} below {parent} {put.__name__}, {len(before)} before')
       for parent in 'ab' for before, put, seconds in (
           (FIRST, by_calls, [60]), (FIRST, by_messages, [60, 61, 62]),
