@@ -12,7 +12,7 @@ from messages import ArrivedMessages
 from processes import TIMEOUT
 import pytest
 import rclpy
-from rclpy.clock import Clock, ROSClock
+from rclpy.clock import ROSClock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -501,21 +501,7 @@ def test_a_clock_may_jump_when_the_buffer_is_gone(make_node, quick_gc):
     del kept, others
 
 
-def test_a_buffer_without_node_has_a_clock():
-    """The clock is a plain Clock, which shows the system time."""
-    assert type(Buffer().clock) is Clock
-
-
 @made_at_run_time
 def test_without_tf2_msgs_there_is_no_service(ros):
     """test/desktop tests the service where tf2_msgs is installed."""
     assert Buffer(node=ros.node).srv is None
-
-
-def test_refusals_go_to_the_log_of_ros(capfd):
-    """The line has tf2's words, and is a warning of the logger tf2_buffer."""
-    Buffer().set_transform(TransformStamped(child_frame_id='a'), 'somebody')
-    output = capfd.readouterr().err
-    assert '[WARN]' in output
-    assert '[tf2_buffer]: TF_NO_FRAME_ID: Ignoring transform with child_frame_id "a"  from ' \
-        'authority "somebody" because frame_id not set' in output
