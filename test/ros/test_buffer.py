@@ -6,7 +6,6 @@ import sys
 import threading
 import weakref
 
-from environment import made_at_run_time
 from geometry_msgs.msg import TransformStamped
 from messages import ArrivedMessages
 from processes import TIMEOUT
@@ -499,9 +498,3 @@ def test_a_clock_may_jump_when_the_buffer_is_gone(make_node, quick_gc):
     kept = Buffer(node=node)
     node.destroy_node()
     del kept, others
-
-
-@made_at_run_time
-def test_without_tf2_msgs_there_is_no_service(ros):
-    """test/desktop tests the service where tf2_msgs is installed."""
-    assert Buffer(node=ros.node).srv is None

@@ -308,9 +308,3 @@ def test_a_prepared_set_refuses_bad_edges_and_stamps(ros):
     for stamp in None, 1.5, 'now':
         with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
             broadcaster.prepare(EDGES).send(stamp, POSES)
-
-
-def test_a_remapping_applies(make_node):
-    """The remapping `-r /tf:=…` of a node applies to its broadcasters."""
-    node = make_node('remapped', cli_args=['--ros-args', '-r', '/tf:=/robot/tf'])
-    assert TransformBroadcaster(node).pub_tf.topic_name == '/robot/tf'
