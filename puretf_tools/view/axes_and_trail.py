@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf_tools.view.feed import AnyBuffer, LENGTH
-from puretf_tools.view.placement import Placement, TIMEOUT, within_reach
+from puretf_tools.view.placement import Placement, REACH
 
 #: The colours of a line at the frame and at its parent, and of an old one.
 _LINE, _AT_PARENT, _GREY = (225, 160, 20), (120, 50, 0), (178, 178, 178)
@@ -31,18 +31,12 @@ class Display(NamedTuple):
     with_lines: bool = True  #: from each frame to its parent
     with_names: bool = True
     with_grid: bool = True
-    timeout: float = TIMEOUT  #: a frame of this age (s) is not drawn
     hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
     is_dark: bool = False  #: whether the page is dark
 
-    def alive(self, placement: Placement) -> set[str]:
-        """Return the frames that have not timed out."""
-        return {name for name, age in zip(placement.names, placement.ages.tolist())
-                if age < self.timeout}
-
     def shown(self, placement: Placement) -> set[str]:
-        """Return the frames that are drawn: neither hidden nor timed out."""
-        return self.alive(placement) - self.hidden
+        """Return the frames that are drawn: neither hidden nor far."""
+        return {*placement.names}.difference(self.hidden, placement.far)
 
 
 class Axes(NamedTuple):
@@ -55,17 +49,16 @@ class Axes(NamedTuple):
 
 def axes(placement: Placement, display: Display, selected: Collection[str] = ()) -> Axes:
     """Return the axes of all frames; those of selected ones are larger."""
-    _, scales = fading(placement.ages, display.timeout)
-    if display.hidden:
-        scales = scales * [name not in display.hidden for name in placement.names]
-    scales = scales * np.where([name in selected for name in placement.names], _SELECTED, 1.0)
+    shown = display.shown(placement)
+    scales = fading(placement)[1] * [
+        (_SELECTED if name in selected else 1.0) * (name in shown) for name in placement.names]
     return Axes(rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales)
 
 
 def lines(placement: Placement, display: Display
           ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """
-    Return the lines of those m frames that are drawn and whose parent has a pose.
+    Return the lines of those m frames that are drawn, to their parents.
 
     :returns: (m, 2, 3): x, y, z (m) of the frame and of its parent; (m, 2, 3): the colours there.
     """
@@ -74,8 +67,8 @@ def lines(placement: Placement, display: Display
              if placement.parents[i] >= 0 and name in shown]
     ends = [placement.parents[i] for i in drawn]
     points = np.stack([placement.points[drawn], placement.points[ends]], axis=1)
-    colourfulness, _ = fading(placement.ages[drawn], display.timeout)
-    colours = _GREY + colourfulness[:, None, None] * (np.array([_LINE, _AT_PARENT]) - _GREY)
+    colourfulness, _ = fading(placement)
+    colours = _GREY + colourfulness[drawn][:, None, None] * (np.array([_LINE, _AT_PARENT]) - _GREY)
     return rounded(points), np.round(colours).astype(np.uint8)
 
 
@@ -85,14 +78,13 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return result
 
 
-def fading(ages: NDArray[np.float64], timeout: float = TIMEOUT
-           ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fading(placement: Placement) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Return the colourfulness of lines, from 1 to 0 (grey), and the scale of axes, from 1 to 0.
 
-    In the second third of the timeout (s), a line turns grey; in the last third, the axes shrink.
+    In the second third of the timeout, a line turns grey; in the last third, the axes shrink.
     """
-    thirds = ages / (timeout / 3)
+    thirds = placement.ages / (placement.timeout / 3)
     return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)
 
 
@@ -137,9 +129,9 @@ class Trail:
             self._points = np.concatenate([self._points, [point]])
         kept = self._times >= first
         self._times, self._points = self._times[kept], self._points[kept]
-        points = within_reach(np.concatenate([self._points, [point]]) + shift)
+        points = np.concatenate([self._points, [point]]) + shift
         lines = np.stack([points[:-1], points[1:]], axis=1)
-        known = np.isfinite(lines).all(axis=(1, 2))
+        known = (np.abs(lines) <= REACH).all(axis=(1, 2))
         numbers, begins = np.unique(self._times[known] // _PIECE, return_index=True)
         return dict(zip(numbers.tolist(), np.split(lines[known], begins[1:])))
 

@@ -15,7 +15,7 @@ from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.shapes import Rgba, Shape
-from puretf_tools.view.axes_and_trail import Display, rounded
+from puretf_tools.view.axes_and_trail import rounded
 from puretf_tools.view.mesh_files import MeshError
 from puretf_tools.view.meshes import Mesh, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
@@ -117,8 +117,8 @@ class Body:
         self.lines: tuple[list[str], list[str]] = [], []
 
     def show(self, descriptions: Mapping[str, DescriptionOrWhy], placement: Placement,
-             display: Display, body: BodyDisplay) -> None:
-        """Draw the bodies at the frames that have not timed out."""
+             body: BodyDisplay) -> None:
+        """Draw the bodies at the frames."""
         has_changed = descriptions is not self._descriptions
         if has_changed:
             self._replace(descriptions)
@@ -127,8 +127,8 @@ class Body:
         self._set_opacity(body.opacity)
         self._left = self.at_a_time
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
-        alive = display.alive(placement)
-        poses = {name: row for name, row in zip(placement.names, rows) if name in alive}
+        far = {*placement.far}
+        poses = {name: row for name, row in zip(placement.names, rows) if name not in far}
         for robot in self._robots.values():
             if robot.names != placement.names:
                 robot.names = placement.names

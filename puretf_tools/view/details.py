@@ -13,42 +13,36 @@ from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.controls import escaped, html, STYLE
 from puretf_tools.view.feed import AnyBuffer, Feed
-from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH, SILENT, TIMEOUT
+from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
 
 
-def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float = TIMEOUT) -> str:
+def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
     """Return in HTML how many frames are shown, and every problem."""
-    timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
-                 if age >= timeout]
-    alive = len(placement.names) - len(timed_out)
-    lines = [f'{alive} frame{"" if alive == 1 else "s"}' if placement.names else
+    count, has_frames = len(placement.names), placement.names or placement.dead
+    lines = [f'{count} frame{"" if count == 1 else "s"}' if has_frames else
              f'no frames yet. {escaped(feed.why_no_frames())}']
-    if placement.names and feed.hint:
+    if has_frames and feed.hint:
         lines.append(escaped(feed.hint))
-    if timed_out:
-        lines.append('not shown, because no transform with a newer stamp has arrived for '
-                     f'{timeout:g} s on the path to: {_list(timed_out)}')
-    if placement.gone:
-        lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
-                     'update for a minute: not shown')
+    if placement.dead:
+        lines.append(f'not shown, because {_silence(placement)}: {_list(placement.dead)}')
     if placement.left_out:
-        total = len(placement.names) + len(placement.not_finite) + len(placement.left_out)
-        lines.append(f'only {MAX_FRAMES} of {total} frames are shown, not: '
-                     f'{_list(placement.left_out)}')
+        lines.append(f'only {MAX_FRAMES} of {count + len(placement.left_out)} frames are shown, '
+                     f'not: {_list(placement.left_out)}')
     if fixed not in ('', placement.fixed):
         lines.append(f'the fixed frame {escaped(fixed)} is not available' + (
             f'; instead of it: {escaped(placement.fixed)}' if placement.fixed else ''))
     if len(placement.trees) > 1:
         others = [name for name in placement.trees if name != placement.fixed]
         lines.append(f'not connected to {escaped(placement.fixed)}: {_list(others)}')
-    if far := [name for name in placement.far if name not in {*timed_out}]:
-        lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: {_list(far)}')
-    if placement.not_finite:
-        lines.append('not shown, since the translation is not finite: '
-                     + _list(placement.not_finite))
+    if placement.far:
+        lines.append(f'more than {REACH:,.0f} m away, not drawn: {_list(placement.far)}')
     lines += [f'in a loop: {" → ".join(map(escaped, [*loop, loop[0]]))}'
               for loop in placement.loops]
     return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
+
+
+def _silence(placement: Placement) -> str:
+    return f'no transform with a newer stamp has arrived for {placement.timeout:g} s'
 
 
 def _list(names: list[str]) -> str:
@@ -58,7 +52,8 @@ def _list(names: list[str]) -> str:
 def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> str:
     """Return in HTML a table of one frame, or a sentence; `buffer`: that of the placement."""
     if name not in placement.names:
-        return html(f'{name} is not available.' if name else 'Click a frame, or choose one.',
+        why = f': {_silence(placement)}' if name in placement.dead else ''
+        return html(f'{name} is not available{why}.' if name else 'Click a frame, or choose one.',
                     'details')
     i = placement.names.index(name)
     frame = placement.frames.get(name)
@@ -80,21 +75,23 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
     if hole := feed.hole(target, name):
         rows += _wide(f'<span data-value="hole">{escaped(hole)}</span>')
     if frame is not None:
-        rows += _published(frame, placement.silences[name], feed)
+        age = float(placement.ages[i])
+        rows += _published(frame, f'no update for {age:.0f} s' * (age > placement.timeout / 3),
+                           feed)
     if target != placement.fixed and (why := buffer.why_not(placement.fixed, name, 0)):
         rows += _wide(f'not in the fixed frame: <span data-value="why">{escaped(why)}</span>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'
 
 
-def _published(frame: Frame, silence: float, feed: Feed) -> str:
+def _published(frame: Frame, why_no_rate: str, feed: Feed) -> str:
     """Return the rows with the rate, the delay and the publisher of a frame."""
     publication = feed.publication(frame)
     rows = _title('', '', 'published')
     if frame.is_static:
         rows += _row('rate', 'rate', 'static')
     else:
-        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > SILENT else
-                     'not known' if publication.rate is None else f'{publication.rate:.1f} Hz')
+        rows += _row('rate', 'rate', why_no_rate or (
+            'not known' if publication.rate is None else f'{publication.rate:.1f} Hz'))
         rows += _row('delay', 'delay', 'not known' if publication.delay is None else
                      f'{publication.delay * 1e3:.2f} ms')
     return rows + _row('publisher', 'publisher', publication.publisher)

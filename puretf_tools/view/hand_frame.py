@@ -91,11 +91,10 @@ class HandFrame:
         self.parent.propose(placement.fixed)
         name, parent, (position, angles) = self._name, self.parent.value, self._pose
         transform = Transform(0, parent, name, position, _quaternion(angles))
-        if parent in placement.names:
-            i = placement.names.index(parent)
-            x, y, z, w = placement.poses[i, 3:]
-            self._parent_node.position, self._parent_node.wxyz = placement.points[i], (w, x, y, z)
-        self._handles.visible = bool(name) and parent in placement.names
+        if (point := placement.point(parent)) is not None:
+            x, y, z, w = placement.poses[placement.names.index(parent), 3:]
+            self._parent_node.position, self._parent_node.wxyz = point, (w, x, y, z)
+        self._handles.visible = bool(name) and point is not None
         problem = _problem(transform, placement, can_be_published=self._publisher is not None)
         if self._publisher is not None:
             self._update_publication(transform, problem, self._publisher)

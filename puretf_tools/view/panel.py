@@ -210,11 +210,16 @@ class DisplayPanel:
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
         configure(self._gui, bool(event.target.value))
 
+    @property
+    def timeout(self) -> float:
+        """The age from which on a frame is not drawn (s)."""
+        return float(self._timeout.value)
+
     def display(self, hidden: frozenset[str]) -> Display:
         """Return what is to be drawn, without some frames."""
         return Display(
             self._size.value, self._axes.value, self._lines.value, self.names.value,
-            self._grid.value, self._timeout.value, hidden, self._dark.value)
+            self._grid.value, hidden, self._dark.value)
 
 
 def configure(gui: viser.GuiApi, is_dark: bool) -> None:

@@ -101,12 +101,11 @@ class Scene:
             self._show_segments(
                 'lines', *lines(placement, display), _LINE_WIDTH, display.with_lines)
             self._show_names(placement, display, selected)
-            ends = [placement.names.index(name) for name in pair if name in placement.names]
+            ends = [point for name in pair if (point := placement.point(name)) is not None]
             self._show_segments(
-                'pair', rounded(placement.points[[ends]]), _PAIR_COLOUR, _PAIR_WIDTH,
-                len(ends) == 2)
+                'pair', rounded(np.array([ends])), _PAIR_COLOUR, _PAIR_WIDTH, len(ends) == 2)
             self._show_trail(trail)
-            self.body.show(descriptions, placement, display, body)
+            self.body.show(descriptions, placement, body)
 
     def _put(self, node: viser.SceneNodeHandle, position: Vector,
              wxyz: Optional[Wxyz] = None) -> None:
@@ -132,13 +131,8 @@ class Scene:
         return result
 
     def seen(self, placement: Placement, names: Collection[str]) -> NDArray[np.float64]:
-        """
-        Return where frames are in the scene (m): (n, 3).
-
-        Those that are drawn nearer than they are do not count, unless there are no others.
-        """
-        near = {*names} - {*placement.far} or names
-        return self.in_scene(placement.points[[name in near for name in placement.names]])
+        """Return where frames are in the scene (m): (n, 3)."""
+        return self.in_scene(placement.points[[name in names for name in placement.names]])
 
     def _move_world(self, placement: Placement, follow: str, with_yaw: bool) -> None:
         """Let a frame stay where it is in the scene; else, all frames, if the origin is new."""
@@ -147,17 +141,17 @@ class Scene:
         is_new = fixed == placement.fixed and (placement.origin != origin).any()
         if is_new:
             self._shift = self.in_scene((placement.origin - origin)[None])[0]
-        if follow in placement.names:
-            i = placement.names.index(follow)
-            *_, yaw = euler_from_quaternion((*placement.poses[i, 3:].tolist(),))
+        if (point := placement.point(follow)) is not None:
+            *_, yaw = euler_from_quaternion(
+                (*placement.poses[placement.names.index(follow), 3:].tolist(),))
             if self._followed != (follow, with_yaw):
                 self._followed = follow, with_yaw
-                self._held = self.in_scene(placement.points[[i]])[0], self._yaw + yaw
+                self._held = self.in_scene(point[None])[0], self._yaw + yaw
             place, heading = self._held
             if with_yaw:
                 self._yaw = heading - yaw
-            self._shift = self._shift + place - self.in_scene(placement.points[[i]])[0]
-        if is_new or follow in placement.names:
+            self._shift = self._shift + place - self.in_scene(point[None])[0]
+        if is_new or point is not None:
             x, y, z = self._shift.tolist()
             self._put(self._world, (x, y, z), (
                 float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))

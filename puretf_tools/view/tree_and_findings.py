@@ -19,10 +19,9 @@ from puretf_tools.view.words import has_words, words_of
 
 #: The largest number of rows, and the time between two updates (s).
 _ROWS, _PERIOD = 200, 0.5
-#: The colour of a row by its age: red, green, blue, and the largest age (s). White text on each of
-#: these has a contrast of more than 5:1.
-_COLOURS = ((30, 115, 55), 1.0), ((133, 100, 0), 5.0), ((176, 72, 0), 15.0), (
-    (95, 100, 105), inf)
+#: The colour of a row in each third of the timeout: red, green, blue. White text on each of these
+#: has a contrast of more than 5:1.
+_COLOURS = (30, 115, 55), (176, 72, 0), (95, 100, 105)
 _STATIC, _HIDDEN = (28, 100, 190), (60, 60, 65)
 _SELECTED = ' ◀'
 #: The number of characters of a name in a row, and in the bar; the number of levels that are
@@ -111,6 +110,7 @@ class Tree:
         marks = {frame: f'  {"✖" if finding.severity == ERROR else "⚠"} {finding.code}'
                  for finding in reversed(findings)  # the worst comes last
                  for frame in finding.frames if len(finding.frames) <= _MOST_MARKS}
+        thirds = dict(zip(placement.names, (3.0 * placement.ages / placement.timeout).tolist()))
         folded_at = inf
         for line in lines:
             if line.level <= folded_at:
@@ -123,10 +123,8 @@ class Tree:
             frame = line.frame
             rate = '' if frame is None else 'static' if frame.is_static else (
                 '-' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz')
-            silence = placement.silences.get(line.name, 0.0)
             colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
-                      or frame.is_static else next(
-                          colour for colour, age in _COLOURS if silence <= age))
+                      or frame.is_static else _COLOURS[int(thirds.get(line.name, 0.0))])
             fold = ' ' if line.name not in parents else '▸' if is_folded else '▾'
             yield Row(line.name, f'{"  " * min(line.level, _DEEPEST)}{fold} '
                       f'{shortened(line.name, _NAME)}{marks.get(line.name, "")}  {rate}'

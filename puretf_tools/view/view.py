@@ -44,6 +44,8 @@ _LONGEST_STORED = LONGEST - 1024
 #: The number of moments that the first camera shows.
 _MOMENTS = 20
 
+Place = Callable[[str, int, float], Placement]
+
 
 def show(feed: Feed, server: Server, meshes: Sequence[str] = (), view: str = '',
          on_served: Callable[[], object] = lambda: None) -> None:
@@ -153,7 +155,7 @@ class Viewer:
         self._paused_at = 0  # when the page was paused (ns)
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
         #: there are no frames.
-        self._place_paused: Optional[Callable[[str, int], Placement]] = None
+        self._place_paused: Optional[Place] = None
         self._use(feed.buffer)
         self._next_texts = 0.0  # the earliest time of their next update (s, monotonic clock)
         self.first_camera = FirstCamera(self._cameras)
@@ -179,7 +181,7 @@ class Viewer:
         self.pace.close()
         self._panel.hand_frame.stop()
 
-    def _place(self, place: Callable[[str, int], Placement], until: int) -> Placement:
+    def _place(self, place: Place, until: int) -> Placement:
         """Return the frames to show; while they are paused, those of a copy of the buffer."""
         panel = self._panel
         if not panel.is_paused and self._place_paused:
@@ -194,18 +196,19 @@ class Viewer:
             self._place_paused = lru_cache(1)(FrameWatcher(copy).placement)
         self._until = max(1, self._paused_at - round(panel.back * SECOND)) if (
             self._place_paused) else until
-        return (self._place_paused or place)(panel.fixed.chosen, self._until)
+        return (self._place_paused or place)(
+            panel.fixed.chosen, self._until, panel.display.timeout)
 
     def _use(self, buffer: AnyBuffer) -> None:
         self._panel.pair.buffer = self._buffer = buffer
         self._trail = Trail(buffer)
 
-    def update(self, place: Callable[[str, int], Placement], until: int, now: float,
+    def update(self, place: Place, until: int, now: float,
                descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
         Show the frames; the viewer must be due.
 
-        :param place: returns the frames for a chosen fixed frame and a time (ns).
+        :param place: as `FrameWatcher.placement`.
         :param until: the time of a bag (ns); 0: the frames are live.
         :param now: on the monotonic clock (s).
         """
@@ -236,8 +239,7 @@ class Viewer:
         panel.hand_frame.update(placement)
         if now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD
-            change(panel.overview, content=overview(
-                placement, self._feed, panel.fixed.chosen, display.timeout))
+            change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
             change(panel.details, content=details(
                 placement, selected, self._feed, self._buffer))
         self.first_camera.update(
