@@ -24,7 +24,7 @@ from puretf_tools.doctor.report import examine
 from puretf_tools.view.feed import BagFeed, Feed, LiveFeed
 
 if TYPE_CHECKING:
-    from puretf_tools.view.export import Recording
+    from puretf_tools.view.export import Animation
 
 _EXPORTED_TIME = 10.0
 #: How many meshes that are not drawn in an export are named.
@@ -103,36 +103,36 @@ def read_into(feed: BagFeed, bag: Bag) -> None:
 
 
 def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
-                  ) -> 'Recording':
-    from puretf_tools.view.export import PERIOD, Recording
-    player, recording = feed.player, Recording(feed, meshes)
+                  ) -> 'Animation':
+    from puretf_tools.view.export import Animation, PERIOD
+    player, animation = feed.player, Animation(feed, meshes)
     length = player.length if seconds is None else min(seconds, player.length)
     with progress(length, desc='recording', bar_format=BAR) as show_progress:
         for i in range(ceil(length / PERIOD) + 1):
             player.seek(player.begin + round(min(length, i * PERIOD) * SECOND))
-            recording.add(player.position, player.time)
+            animation.add(player.position, player.time)
             show_progress(player.position)
-    return recording
+    return animation
 
 
-def recorded_live(feed: Feed, seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
+def recorded_live(feed: Feed, seconds: float, meshes: Sequence[str] = ()) -> 'Animation':
     """Record for some time from the first transform on, or until Ctrl-C."""
-    from puretf_tools.view.export import Recording
-    recording = Recording(feed, meshes)
-    listen(seconds, feed.buffer.frames, lambda: recording.add(monotonic()))
+    from puretf_tools.view.export import Animation
+    animation = Animation(feed, meshes)
+    listen(seconds, feed.buffer.frames, lambda: animation.add(monotonic()))
     forget_signals()
-    return recording
+    return animation
 
 
-def _export(recording: 'Recording', feed: Feed, path: Path) -> None:
-    if not recording.moments:
+def _export(animation: 'Animation', feed: Feed, path: Path) -> None:
+    if not animation.moments:
         raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
-    duration = recording.duration
+    duration = animation.duration
     with progress(duration, desc='making the page', bar_format=BAR) as on_progress:
-        page = recording.as_html(on_progress)
-    for problem in recording.problems[:_MOST_PROBLEMS]:
+        page = animation.as_html(on_progress)
+    for problem in animation.problems[:_MOST_PROBLEMS]:
         print(f'web_view: not drawn: {visible(problem)}', file=sys.stderr)
-    if (more := len(recording.problems) - _MOST_PROBLEMS) > 0:
+    if (more := len(animation.problems) - _MOST_PROBLEMS) > 0:
         print(f'web_view: not drawn: {more} more meshes', file=sys.stderr)
     with whole_file(path) as part:
         part.write_text(page, encoding='utf-8')

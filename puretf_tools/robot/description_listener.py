@@ -2,8 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from threading import Lock, Thread
-from typing import Any, Optional
+from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -19,8 +18,6 @@ from puretf_tools.robot.observed import JOINT_STATE, receive, robot_of
 
 #: The largest number of topics with joint states, and of messages of each that are read at a time.
 _MOST_STATES, _DEPTH = 20, 50
-#: The longest time that `wait` takes (s).
-_PATIENCE = 20.0
 
 
 class DescriptionListener:
@@ -31,25 +28,19 @@ class DescriptionListener:
         self._node, self._namespace = node, namespace
         self._watch = TopicWatch(node, self._wanted, MOST_TOPICS, 1)
         self._texts: dict[str, str] = {}
-        self._lock = Lock()
-        self._waiting: dict[str, str] = {}  # texts to be parsed, by topic
-        self._parser: Optional[Thread] = None
         self._descriptions: dict[str, DescriptionOrWhy] = {}
 
     def descriptions(self) -> dict[str, DescriptionOrWhy]:
         """Return the newest descriptions by topic; search for topics twice a second."""
-        with self._lock:
-            self._watch.poll()
-            for topic, readers in self._watch.readers.items():
-                # Listeners of descriptions match latched ones only.
-                for message in readers[True].take() if True in readers else ():
-                    self._receive(topic, message)
+        self._watch.poll()
+        for topic, readers in self._watch.readers.items():
+            # Listeners of descriptions match latched ones only.
+            for message in readers[True].take() if True in readers else ():
+                text = str(message[8:].partition(b'\0')[0], 'utf-8', 'replace')  # after the length
+                if text != self._texts.get(topic):
+                    self._texts[topic] = text
+                    self._descriptions = {**self._descriptions, topic: parsed(text)}
         return self._descriptions
-
-    def wait(self) -> None:
-        """Wait until all that has arrived is parsed, at most for some seconds."""
-        if parser := self._parser:
-            parser.join(_PATIENCE)
 
     def close(self) -> None:
         self._watch.close()
@@ -64,28 +55,6 @@ class DescriptionListener:
         return [(topic, String) for topic, types in self._node.get_topic_names_and_types()
                 if topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{TOPIC}')
                 and types == [STRING] and self._node.count_publishers(topic)]
-
-    def _receive(self, topic: str, message: bytes) -> None:
-        text = str(message[8:].partition(b'\0')[0], 'utf-8', 'replace')  # after header and length
-        if text != self._texts.get(topic):
-            self._texts[topic] = self._waiting[topic] = text
-            if self._parser is None:
-                # The caller goes on, and so does the end of the process.
-                self._parser = Thread(target=self._parse, daemon=True)
-                self._parser.start()
-
-    def _parse(self) -> None:
-        while True:
-            with self._lock:
-                if not self._waiting:
-                    self._parser = None
-                    return
-                topic, text = self._waiting.popitem()
-            description = parsed(text)  # slow: meanwhile the topic may have left
-            with self._lock:
-                if self._texts.get(topic) is text:
-                    # Replaced, since another thread may be iterating over it.
-                    self._descriptions = {**self._descriptions, topic: description}
 
 
 class RobotListener:
@@ -129,7 +98,6 @@ class RobotListener:
 
     def robots(self) -> list[Robot]:
         """Return what was received of each robot."""
-        self._descriptions.wait()
         return [robot_of(topic, each, self._states)
                 for topic, each in self._descriptions.descriptions().items()]
 

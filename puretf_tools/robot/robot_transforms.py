@@ -12,7 +12,7 @@ from puretf_tools.robot.description import Description, Joint
 from puretf_tools.robot.shapes import Pose
 
 #: A transform without its stamp: frame_id, child_frame_id, pose.
-Edge = tuple[str, str, Pose]
+LinkTransform = tuple[str, str, Pose]
 
 #: The largest number of joint names whose stamps are remembered.
 _MAX_NAMES = 10_000
@@ -60,13 +60,13 @@ class RobotTransforms:
             description.joints, key=lambda joint: joint.name)}
         self._never_sent = {joint.name for joint in description.joints if joint.is_movable}
 
-    def fixed(self) -> list[Edge]:
+    def fixed(self) -> list[LinkTransform]:
         """Return the transforms of fixed joints, and of planar ones at their origin."""
-        return [self._edge(joint, joint.pose) for joint in self._joints.values()
+        return [self._transform(joint, joint.pose) for joint in self._joints.values()
                 if joint.kind in ('fixed', 'planar')]
 
     def moving(self, stamp: int, names: Sequence[str], positions: Sequence[float], now: int
-               ) -> Optional[list[Edge]]:
+               ) -> Optional[list[LinkTransform]]:
         """
         Return the transforms that answer to a JointState; None if it is ignored.
 
@@ -105,7 +105,7 @@ class RobotTransforms:
             for name in names:
                 self._last.setdefault(name, now)
         # If a name occurs twice, the first position counts.
-        return self._edges(dict(zip(reversed(names), reversed(positions))))
+        return self._transforms_at(dict(zip(reversed(names), reversed(positions))))
 
     def missing(self) -> str:
         """Return a warning that names the joints without a position so far; '' if all had one."""
@@ -143,23 +143,23 @@ class RobotTransforms:
             return 0
         return int(min(1000.0 / self.publish_frequency, _LONGEST_INTERVAL)) * 1_000_000
 
-    def _edges(self, positions: dict[str, float]) -> list[Edge]:
+    def _transforms_at(self, positions: dict[str, float]) -> list[LinkTransform]:
         for joint in self._joints.values():
             if joint.mimic and joint.mimic.joint in positions:
                 positions.setdefault(joint.name, positions[joint.mimic.joint]
                                      * joint.mimic.multiplier + joint.mimic.offset)
-        edges = []
+        transforms = []
         for name, joint in self._joints.items():
             if name in positions and joint.is_movable:
                 if isfinite(positions[name]):
                     self._never_sent.discard(name)
-                    edges.append(self._edge(joint, joint.pose_at(positions[name])))
+                    transforms.append(self._transform(joint, joint.pose_at(positions[name])))
                 else:
                     self._warn_once('ignored positions that are not finite, such as '
                                     f'{positions[name]} of joint', f' {shortened(name)}')
-        return edges
+        return transforms
 
-    def _edge(self, joint: Joint, pose: Pose) -> Edge:
+    def _transform(self, joint: Joint, pose: Pose) -> LinkTransform:
         return self.frame_prefix + joint.parent, self.frame_prefix + joint.child, pose
 
     def _warn_of_lengths(self, names: Sequence[str], positions: Sequence[float]) -> None:

@@ -14,8 +14,8 @@ Pose = tuple[float, float, float, float, float, float, float]
 #: Red, green, blue and opacity, from 0 to 1.
 Rgba = tuple[float, float, float, float]
 
-#: The largest number of shapes that are read.
-_MOST_SHAPES = 10_000
+#: The largest number of shapes that are read, and drawn.
+MOST_SHAPES = 2000
 #: By kind: the attributes with its size, how many numbers each has, and the default.
 _SIZES: dict[str, list[tuple[str, int, Optional[Sequence[float]]]]] = {
     'box': [('size', 3, None)], 'cylinder': [('radius', 1, None), ('length', 1, None)],
@@ -46,7 +46,7 @@ def shapes(robot: ElementTree.Element, warnings: list[str]
     found: dict[str, list[Shape]] = {'visual': [], 'collision': []}
     elements = [(link.attrib['name'], element) for link in robot.findall('link')
                 for element in link if element.tag in found]
-    for link, element in elements[:_MOST_SHAPES]:
+    for link, element in elements[:MOST_SHAPES]:
         rgba, problem = _rgba(element.find('material'), colors)
         try:
             shape, other = _shape(element, link, rgba)
@@ -56,8 +56,8 @@ def shapes(robot: ElementTree.Element, warnings: list[str]
             problem = f'a {element.tag} is left out: {error}'
         if problem:
             warnings.append(f'link {quoted(link)}: {problem}')
-    if len(elements) > _MOST_SHAPES:
-        warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
+    if len(elements) > MOST_SHAPES:
+        warnings.append(f'only the first {MOST_SHAPES} shapes are read')
     return tuple(found['visual']), tuple(found['collision'])
 
 

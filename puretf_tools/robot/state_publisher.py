@@ -1,6 +1,5 @@
 """The node that publishes the transforms of a robot: `RobotStatePublisher`."""
 
-from concurrent.futures import ThreadPoolExecutor, wait
 from copy import copy
 from math import isfinite
 from typing import Any, Optional
@@ -21,8 +20,8 @@ from puretf import SECOND, StaticTransformBroadcaster, Transform, TransformBroad
 from puretf._text.names import comma_list, quoted, shortened
 from puretf.publisher_listener import nodes_on
 from puretf_tools.inspection.joint_states import JointStateReader
-from puretf_tools.robot.description import Description, parse
-from puretf_tools.robot.robot_transforms import Edge, RobotTransforms
+from puretf_tools.robot.description import parse
+from puretf_tools.robot.robot_transforms import LinkTransform, RobotTransforms
 from puretf_tools.robot.urdf_text import DescriptionError
 
 #: The time (s) after which joints without a position are named.
@@ -86,23 +85,13 @@ class RobotStatePublisher(Node):
                 problem = _frequency_problem(parameter.value)
             elif parameter.name == 'robot_description':
                 try:
-                    self._description = self._parsed(parameter.value)
+                    self._description = parse(parameter.value)
                 except DescriptionError as error:
                     problem = str(error)
                     self.get_logger().warning(f'refused a robot_description: {error}')
             if problem:
                 return SetParametersResult(successful=False, reason=problem)
         return SetParametersResult(successful=True)
-
-    def _parsed(self, text: str) -> Description:
-        """Parse a description in a thread, and answer joint states meanwhile: it takes seconds."""
-        with ThreadPoolExecutor(1) as pool:
-            parsing = pool.submit(parse, text)
-            while wait([parsing], 0.01).not_done:
-                with self._states.handle:
-                    while taken := self._states.handle.take_message(JointState, True):
-                        self._answer(taken[0])
-        return parsing.result()
 
     def _apply(self, parameters: list[Parameter]) -> None:
         values = {parameter.name: parameter.value for parameter in parameters}
@@ -125,10 +114,10 @@ class RobotStatePublisher(Node):
         if (states := self._reader.read(data)) is None:
             return
         stamp = states.header.stamp
-        edges = self._transforms.moving(stamp.sec * SECOND + stamp.nanosec, states.name,
+        transforms = self._transforms.moving(stamp.sec * SECOND + stamp.nanosec, states.name,
                                         states.position, self.get_clock().now().nanoseconds)
-        if edges is not None:
-            self._tf.sendTransform(_messages(edges, stamp))
+        if transforms is not None:
+            self._tf.sendTransform(_messages(transforms, stamp))
 
     def _state_publishers(self) -> str:
         topic = self._states.topic_name
@@ -161,9 +150,9 @@ def _frequency_problem(value: object) -> Optional[str]:
     return f'publish_frequency must be between 0 and 1000 (Hz), got {value!r}'
 
 
-def _messages(edges: list[Edge], stamp: Time) -> list[TransformStamped]:
+def _messages(transforms: list[LinkTransform], stamp: Time) -> list[TransformStamped]:
     messages = [Transform(0, parent, child, pose[:3], pose[3:]).to_message()
-                for parent, child, pose in edges]
+                for parent, child, pose in transforms]
     for message in messages:
         message.header.stamp = stamp  # as it is, also if nanosec is larger than a second
     return messages

@@ -7,7 +7,6 @@ import os
 from pathlib import Path
 import re
 import shlex
-from threading import Lock
 from typing import NoReturn, Optional, Union
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -57,8 +56,6 @@ _XACRO_HINTS = {
     'package .* not found|ament_index_python|AMENT_PREFIX_PATH':
         '; in place of $(find PACKAGE), write a path relative to the file, or install the package '
         'and source the setup file of its workspace'}
-#: Held while a function of xacro, which is global, is replaced.
-_lock = Lock()
 
 
 class DescriptionError(UsageError):
@@ -105,27 +102,15 @@ def _expand(path: str, arguments: Mapping[str, str]) -> str:
     except ImportError:
         refuse(f'cannot read {path}: xacro is missing: '
                'pip install xacro, or apt install ros-jazzy-xacro')
-    parse_any = xacro.parse
-
-    def parse_checked(text: Optional[str], filename: str) -> object:
-        with suppress(OSError):  # xacro reports it
-            text = Path(xacro.root_dir, filename).read_text('utf-8')
-            _source(text, filename)  # refuses a document type
-        return parse_any(text, filename)
-
-    with _lock:
-        xacro.parse = parse_checked  # it is called for each file that is included, too
-        try:
-            return str(xacro.process_file(path, mappings={**arguments}).toxml())
-        except Exception as error:  # a macro is a program: any error is possible
-            text = str(error) or type(error).__name__
-            where = ', included from '.join(reversed(xacro.filestack)) or path
-            if xacro.macrostack:
-                macro = xacro.macrostack[-1]
-                where = (f'macro {macro.body.getAttribute("name")} of {macro.history[-1][-1]}, '
-                         f'used in {where}')
-        finally:
-            xacro.parse = parse_any
+    try:
+        return str(xacro.process_file(path, mappings={**arguments}).toxml())
+    except Exception as error:  # a macro is a program: any error is possible
+        text = str(error) or type(error).__name__
+        where = ', included from '.join(reversed(xacro.filestack)) or path
+        if xacro.macrostack:
+            macro = xacro.macrostack[-1]
+            where = (f'macro {macro.body.getAttribute("name")} of {macro.history[-1][-1]}, '
+                     f'used in {where}')
     # xacro repeats the text of an error that is not its own.
     text = re.sub(r"^<class '[\w.]+'>: (.*) \1$", r'\1', text, flags=re.DOTALL)
     hint = next((found.expand(hint).format(file=shlex.quote(path))

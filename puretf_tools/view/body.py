@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice
 from typing import Any, NamedTuple, Optional
 
 import numpy as np
@@ -21,8 +20,8 @@ from puretf_tools.view.meshes import Mesh, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import WORLD
 
-#: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
-MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
+#: The largest number of triangles of the meshes of a robot that are drawn.
+MAX_TRIANGLES = 5_000_000
 #: The side of the box in place of a mesh that is missing (m).
 _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
@@ -52,7 +51,7 @@ class _Part:
 
 def _parts(shapes: Iterable[Shape], is_collision: bool) -> Iterable[_Part]:
     parts: dict[str, _Part] = {}
-    for shape in islice(shapes, MAX_SHAPES):
+    for shape in shapes:
         parts.setdefault(shape.link, _Part(shape.link, is_collision, [])).shapes.append(shape)
     return parts.values()
 
@@ -78,9 +77,6 @@ class _Robot:
                  f'{len(description.links)} links have a frame']
         if self.prefix:
             lines[0] += f', with the prefix {self.prefix}'
-        for shapes in description.visuals, description.collisions:
-            if len(shapes) > MAX_SHAPES:
-                lines.append(f'only {MAX_SHAPES} of {len(shapes)} shapes are drawn')
         missing = Counter(self.problems.values())
         return [*lines, *description.warnings, *(
             f'{_meshes(count)}{package} {"is" if count == 1 else "are"} missing: {REMEDY}'
@@ -96,7 +92,6 @@ class Body:
 
     #: The largest number of shapes that one call of `show` adds, so that viewers do not wait.
     at_a_time = 100
-    names_meshes = False  #: whether the sign names the meshes, since there is no panel
 
     def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object],
                  put: Callable[..., object]) -> None:
@@ -187,8 +182,7 @@ class Body:
             return False
         if robot.sign is None:
             robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
-        names = comma_list([*robot.not_drawn]) if self.names_meshes else 'see the tab Robot'
-        robot.sign.text = f'{_meshes(new)} not drawn: {names}'
+        robot.sign.text = f'{_meshes(new)} not drawn: {comma_list([*robot.not_drawn])}'
         return True
 
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
@@ -240,7 +234,7 @@ class Body:
 def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:
     """Return the files of all meshes that are drawn as visual shapes."""
     return {shape.file for each in descriptions if isinstance(each, Description)
-            for shape in each.visuals[:MAX_SHAPES] if shape.kind == 'mesh'}
+            for shape in each.visuals if shape.kind == 'mesh'}
 
 
 def _opacity(value: float) -> Optional[float]:

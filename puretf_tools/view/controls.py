@@ -1,7 +1,7 @@
 """What the panels are made of: choices, rows and texts."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any, NamedTuple, Optional
 
@@ -12,9 +12,6 @@ from puretf_tools.view.settings import Settings
 
 #: The choice of no frame, and that of the frame that the program proposes.
 NONE, AUTOMATIC = '(none)', '(automatic)'
-#: The keys of the page, and what viser's list of commands says of them.
-KEYS = {'P': 'Pause or resume', 'B': 'Step back', 'N': 'Step forward', 'A': 'Focus on all frames',
-        'F': 'Focus on the selected frame', 'T': 'Look from the top', 'R': 'Reset view'}
 #: The place of a text below all controls, also those that are added later.
 LAST = 1e9
 #: Of the texts in the panel.
@@ -133,12 +130,6 @@ class Rows:
             change(text, content=row.text, visible=True)
         for unused in *self._buttons[len(rows):], *self._texts[len(rows):]:
             change(unused, visible=False)
-
-
-def add_keys(gui: viser.GuiApi, callbacks: Mapping[str, Callable[[Any], Any]]) -> None:
-    """Add some of the `KEYS`, each with its callback."""
-    for key, callback in callbacks.items():
-        gui.add_command(KEYS[key], hotkey=key).on_trigger(callback)
 
 
 def change(handle: Any, **values: Any) -> None:

@@ -1,4 +1,4 @@
-"""A recording of the scene, which plays in a browser without a server."""
+"""An animation of the scene, which plays in a browser without a server."""
 
 from collections.abc import Callable, Sequence
 from socket import create_server
@@ -15,12 +15,12 @@ from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.scene import MOST_NAMES, Scene
 from puretf_tools.view.viser_private import Server
 
-#: The time between two moments of a recording (s).
+#: The time between two moments of an animation (s).
 PERIOD = 0.05
 
 
-class Recording:
-    """What the scene shows at some moments."""
+class Animation:
+    """What the scene shows at some moments, for a page without a server."""
 
     def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
         self._feed, self._meshes = feed, Meshes(meshes)
@@ -59,7 +59,7 @@ class Recording:
             for file in mesh_files(descriptions.values()):
                 self._meshes.load(file)
             scene = Scene(server, self._meshes)
-            scene.body.at_a_time, scene.body.names_meshes = sys.maxsize, True  # nobody waits
+            scene.body.at_a_time = sys.maxsize  # nobody waits
             # Only the first position of the camera counts: it shows where all frames will go.
             look_at(np.concatenate([
                 scene.seen(placement, Display().shown(placement))

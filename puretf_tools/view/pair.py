@@ -15,8 +15,8 @@ from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.settings import Settings, SPANS
 
-#: The shortest times between two updates of the numbers and of the plots (s).
-_NUMBERS_PERIOD, _PLOTS_PERIOD = 0.2, 0.5
+#: The shortest time between two updates of the plots (s).
+_PERIOD = 0.5
 #: The time between two points of a plot (ns), and the largest number of points.
 _STEP, _MOST_POINTS = SECOND // 20, 2400
 #: What the plots of a live page and of a bag show, of `SPANS`.
@@ -48,8 +48,8 @@ class Pair:
         #: What the plots show: the frames, the buffer and the span; the times (ns), the values.
         self._plotted: tuple[object, ...] = ()
         self._times, self._values = np.empty(0, np.int64), np.empty((0, 6))
-        #: The `end` and the `now` of the last update of the numbers and of the plots.
-        self._updates: dict[str, tuple[int, float]] = {}
+        #: The `end` of the numbers and of the plots, and when the plots are due (s).
+        self._end, self._plotted_end, self._next = 0, 0, 0.0
 
     @property
     def frames(self) -> tuple[str, str]:
@@ -78,25 +78,18 @@ class Pair:
         a, b = self.frames
         for choice in self.choices:
             choice.propose('')
-        if (a, b, self._span.value) != self._key:
+        if is_new := (a, b, self._span.value) != self._key:
             self._key = a, b, self._span.value
-            self._updates.clear()
         if not a or not b or a == b:
             self._show_numbers('A and B are the same frame.' if a == b != '' else '', None)
             self._show_plots(None)
             return
-        if self._is_due('numbers', _NUMBERS_PERIOD, end, now):
+        if is_new or not end or end != self._end:
+            self._end = end
             self._show_numbers(*self._look_up(a, b, end))
-        if self._is_due('plots', _PLOTS_PERIOD, end, now):
+        if is_new or (now >= self._next and (not end or end != self._plotted_end)):
+            self._plotted_end, self._next = end, now + _PERIOD
             self._show_plots(end or (self.shown.stamp if self.shown else None))
-
-    def _is_due(self, part: str, period: float, end: int, now: float) -> bool:
-        """Return True, and note the update, if a part must be updated now."""
-        last_end, last = self._updates.get(part, (0, -np.inf))
-        if now < last + period or end == last_end != 0:
-            return False
-        self._updates[part] = end, now
-        return True
 
     def _look_up(self, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:
         """Return why there is no transform, or '' and the transform."""

@@ -5,17 +5,18 @@ from contextlib import suppress
 from functools import partial
 import json
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import viser
 
 from puretf_tools.view.axes_and_trail import Display
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import add_keys, AUTOMATIC, Choice, copied, FrameChoice, html, LAST
+from puretf_tools.view.controls import AUTOMATIC, Choice, copied, FrameChoice, html, LAST
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement, TIMEOUT
+from puretf_tools.view.playback import Playback
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.settings import Settings
@@ -42,8 +43,14 @@ class Panel:
     """The controls and texts of one viewer."""
 
     def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings,
-                 look_from: Callable[[str], Awaitable[object]]) -> None:
-        """Add the controls; `look_from` moves the camera to a view, or to the selected 'frame'."""
+                 look_from: Callable[[str], Awaitable[object]],
+                 playback: Optional[Playback] = None) -> None:
+        """
+        Add the controls.
+
+        :param look_from: moves the camera to a view, or to the selected 'frame'.
+        :param playback: the controls of a bag.
+        """
         gui = client.gui
         configure(gui, False)
         gui.add_html(_ADDITIONS)
@@ -60,11 +67,8 @@ class Panel:
             self._back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
             self._pause.on_update(self._on_pause)
             gui.add_button_group('Transforms', ('reset',)).on_click(lambda _: feed.reset())
-            add_keys(gui, {'P': self._on_pause_key, 'B': partial(self._on_step, _STEP),
-                           'N': partial(self._on_step, -_STEP)})
         self.fixed = FrameChoice(gui, 'Fixed frame', AUTOMATIC, settings)
-        add_keys(gui, {'R': self._on_reset_view, **{key: partial(self._on_view, view=view)
-                 for key, view in (('A', 'all'), ('F', 'frame'), ('T', 'top'))}})
+        self._add_keys(gui, playback or self)
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
         tabs = gui.add_tab_group()
         self.robot = RobotTab(gui, tabs, settings, feed.joint_controls)
@@ -144,12 +148,26 @@ class Panel:
         if self._back.disabled:
             self._back.value = 0.0
 
-    async def _on_pause_key(self, _: Any) -> None:
+    def _add_keys(self, gui: viser.GuiApi, time: Union['Panel', Playback]) -> None:
+        """Add the keys of the page, by what viser's list of commands says of them."""
+        for key, text, callback in (
+                ('P', 'Pause or resume', time.on_pause),
+                ('B', 'Step back', partial(time.on_step, True)),
+                ('N', 'Step forward', partial(time.on_step, False)),
+                ('A', 'Focus on all frames', partial(self._on_view, view='all')),
+                ('F', 'Focus on the selected frame', partial(self._on_view, view='frame')),
+                ('T', 'Look from the top', partial(self._on_view, view='top')),
+                ('R', 'Reset view', self._on_reset_view)):
+            gui.add_command(text, hotkey=key).on_trigger(callback)
+
+    async def on_pause(self, _: Any) -> None:
+        """Pause or resume."""
         self._pause.value = not self._pause.value
 
-    async def _on_step(self, step: float, _: Any) -> None:
+    async def on_step(self, is_back: bool, _: Any) -> None:
+        """Pause, and look further back, or less."""
         self._pause.value = True
-        self._back.value = min(max(self._back.value + step, 0.0), LENGTH)
+        self._back.value = min(max(self._back.value + (_STEP if is_back else -_STEP), 0.0), LENGTH)
 
     @property
     def back(self) -> float:

@@ -14,7 +14,7 @@ from puretf._text.names import abbreviated
 from puretf_tools.cli.times import when
 from puretf_tools.inspection.bag_times import both, why_outside
 from puretf_tools.view.camera import page_size
-from puretf_tools.view.controls import add_keys, change, html
+from puretf_tools.view.controls import change, html
 from puretf_tools.view.feed import BagFeed
 
 #: The step of the time slider (s).
@@ -54,8 +54,6 @@ class Playback:
         self._play.on_click(self._on_play)
         speed.on_click(self._on_speed)
         goal.on_update(self._on_goal)
-        add_keys(gui, {key: partial(self._on_play, action=action)
-                       for key, action in (('P', _PAUSE), ('B', _BACK), ('N', _NEXT))})
 
     def _slider(self) -> Any:
         """Add the slider of the time, with marks at the findings."""
@@ -82,14 +80,20 @@ class Playback:
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
         self._player.speed = float(_SPEEDS[_SPEEDS.index(event.target.value)])
 
-    async def _on_play(self, event: Any, action: str = '') -> None:
-        action = action or event.target.value
-        if action in (_PAUSE, _PLAY):
-            self._player.plays = not self._player.plays
-        elif action in (_LOOP, _ONCE):
+    async def _on_play(self, event: 'viser.GuiEvent[Any]') -> None:
+        action = event.target.value
+        if action in (_LOOP, _ONCE):
             self._player.loops = action == _ONCE
         else:
-            self._requests.append(partial(self._step, is_back=action == _BACK))
+            await (self.on_pause() if action in (_PAUSE, _PLAY) else self.on_step(action == _BACK))
+
+    async def on_pause(self, _: Any = None) -> None:
+        """Pause or play."""
+        self._player.plays = not self._player.plays
+
+    async def on_step(self, is_back: bool, _: Any = None) -> None:
+        """Go to the next transform, or back to the last one."""
+        self._requests.append(partial(self._step, is_back))
 
     def update(self, clients: Iterable[viser.ClientHandle]) -> int:
         """Advance the player if somebody looks, show where it is, and return its time (ns)."""

@@ -113,7 +113,7 @@ class View:
         if number not in self.viewers:
             self._meshes.forget_failures()
             self.viewers[number] = Viewer(client, self._feed, self._server.initial_camera,
-                                          self._meshes, self._first, is_alone)
+                                          self._meshes, self._first, is_alone, self._playback)
         viewer = self.viewers[number]
         if not viewer.has_path and (not player or (player.is_whole and player.length)):
             viewer.has_path = True
@@ -138,7 +138,7 @@ class Viewer:
     """What one viewer sees: a scene and a panel."""
 
     def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any,
-                 meshes: Meshes, first: str, is_alone: bool) -> None:
+                 meshes: Meshes, first: str, is_alone: bool, playback: Optional[Playback]) -> None:
         #: The camera of the viewer, and the one to which viewers can reset theirs.
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
@@ -149,7 +149,7 @@ class Viewer:
         self._until = self._goal = 0
         self._scene = Scene(client, meshes)
         self._settings = Settings(first)
-        self._panel = Panel(client, feed, self._settings, self._look_from)
+        self._panel = Panel(client, feed, self._settings, self._look_from, playback)
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         self._placement: Optional[Placement] = None
         self._paused_at = 0  # when the page was paused (ns)
@@ -235,10 +235,10 @@ class Viewer:
                          panel.robot.display, panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
         panel.robot.update(self._scene.body.lines, now)
-        panel.pair.update(self._until, now)
         panel.hand_frame.update(placement)
         if now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD
+            panel.pair.update(self._until, now)
             change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
             change(panel.details, content=details(
                 placement, selected, self._feed, self._buffer))

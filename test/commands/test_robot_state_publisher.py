@@ -4,12 +4,11 @@ from functools import partial
 import json
 import re
 import shlex
-import threading
 from typing import Any
 
 from cli_runner import call
 from environment import DATA
-from processes import TIMEOUT, tool
+from processes import tool
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
@@ -22,7 +21,7 @@ from std_msgs.msg import String
 
 from puretf import TFMessage
 from puretf_tools.commands.robot_state_publisher import main
-from puretf_tools.robot import description, state_publisher
+from puretf_tools.robot import state_publisher
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 NAME = 'robot_state_publisher'
@@ -249,32 +248,6 @@ def test_joints_without_a_position_are_named(domain_id, file, monkeypatch):
         'no JointState message has been accepted yet' in text)).code == 0
 
 
-def test_joint_states_are_answered_while_a_description_is_parsed(
-        ros, make_node, stranger, monkeypatch):
-    """Ten MB take seconds."""
-    node = make_node(ROBOT, kind=RobotStatePublisher)
-    received = threading.Event()
-    stranger.node.create_subscription(TFMessage, '/tf', lambda _: received.set(), 10)
-    publisher = stranger.node.create_publisher(JointState, '/joint_states', 10)
-
-    def send():
-        state = JointState(name=['turn'], position=[1.0])
-        state.header.stamp = stranger.node.get_clock().now().to_msg()
-        publisher.publish(state)
-
-    stranger.node.create_timer(0.05, send)
-    with stranger.spinning():
-        ros.until(lambda: ros.executor.spin_once(0.01) or (
-            publisher.get_subscription_count() and node.count_subscribers('/tf')))
-
-        def parse_slowly(text):
-            received.clear()
-            assert received.wait(TIMEOUT)
-            return description.parse(text)
-
-        monkeypatch.setattr(state_publisher, 'parse', parse_slowly)
-        (result,) = node.set_parameters([Parameter('robot_description', value=ROBOT)])
-    assert result.successful
 
 
 def test_a_process_publishes_until_a_signal(ros, start, file):

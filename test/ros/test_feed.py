@@ -1,20 +1,17 @@
 """The frames on /tf and /tf_static, as the web page reads them."""
 
-from threading import Event, Timer
 from time import monotonic
 
-from processes import TIMEOUT
 import pytest
 from rclpy.time import Time
-from ros_node import eventually, LATCHED, stamped
+from ros_node import LATCHED, stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
 from puretf import TFMessage, TransformBroadcaster
 from puretf._ros import topic_watch
-from puretf_tools.robot import description_listener, descriptions
-from puretf_tools.robot.description_listener import RobotListener
+from puretf_tools.robot import descriptions
 from puretf_tools.view.feed import LiveFeed, Publication
 
 
@@ -168,65 +165,6 @@ def test_descriptions(ros, offer):
     ros.until(lambda: 'is empty' in str(names()['/a/b/robot_description']))
     ros.node.destroy_publisher(publisher)
     ros.until(lambda: names() == {'/robot_description': 'one'})
-
-
-def test_a_robot_that_leaves_while_its_description_is_read(ros, offer, monkeypatch):
-    """It does not come back."""
-    feed = LiveFeed(ros.node)
-    publisher = offer('/robot_description', urdf('one'))
-    ros.until(feed.descriptions)
-
-    def parsed(text):
-        ros.node.destroy_publisher(publisher)
-        eventually(lambda: not feed.descriptions())
-        return descriptions.parsed(text)
-
-    monkeypatch.setattr(description_listener, 'parsed', parsed)
-    publisher.publish(String(data=urdf('two')))
-    ros.until(lambda: not feed.descriptions())
-    ros.executor.spin_once(0.1)
-    assert not feed.descriptions()
-
-
-def test_a_long_description_does_not_stop_the_executor(ros, offer, monkeypatch):
-    """It is parsed in another thread; then, the last text that has arrived meanwhile counts."""
-    feed, release, texts = LiveFeed(ros.node), Event(), list[str]()
-
-    def parsed(text):
-        texts.append(text)
-        assert release.wait(TIMEOUT)
-        return descriptions.parsed(text)
-
-    monkeypatch.setattr(description_listener, 'parsed', parsed)
-    publisher = offer('/robot_description', urdf('one'))
-    ros.until(lambda: feed.descriptions() or texts)
-    seen: list[str] = []
-    ros.node.create_subscription(String, publisher.topic, lambda text: seen.append(text.data), 10)
-    for name in 'two', 'three':
-        publisher.publish(String(data=urdf(name)))
-        ros.until(lambda name=name: urdf(name) in seen)
-    assert feed.descriptions() == {}
-    release.set()
-    ros.until(lambda: [getattr(each, 'name', each) for each in feed.descriptions().values()] == [
-        'three'])
-
-
-def test_tf_doctor_waits_for_what_is_being_parsed(ros, offer, monkeypatch):
-    """Its report has all robots whose description has arrived."""
-    release, is_parsing = Event(), Event()
-
-    def parsed(text):
-        is_parsing.set()
-        assert release.wait(TIMEOUT)
-        return descriptions.parsed(text)
-
-    monkeypatch.setattr(description_listener, 'parsed', parsed)
-    listener = RobotListener(ros.node)
-    offer('/robot_description', urdf('one'))
-    ros.node.create_timer(0.01, listener.poll)
-    ros.until(is_parsing.is_set)
-    Timer(0.1, release.set).start()
-    assert [robot.root for robot in listener.robots()] == ['base']
 
 
 def test_given_descriptions_are_shown_alone(ros, offer):

@@ -20,9 +20,9 @@ from viewer import CLICK, Page, recorded, Viewer
 from puretf_tools.commands.web_view import main
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.descriptions import parsed
+from puretf_tools.robot.shapes import MOST_SHAPES
 from puretf_tools.view import mesh_files
-from puretf_tools.view.body import MAX_SHAPES
-from puretf_tools.view.export import Recording
+from puretf_tools.view.export import Animation
 from puretf_tools.view.feed import BagFeed
 from puretf_tools.view.mesh_files import MAX_BYTES, MeshError
 from puretf_tools.view.meshes import load, Meshes
@@ -289,11 +289,11 @@ def test_descriptions_change(page):
 def test_odd_sizes_are_drawn(page):
     """A browser gets no number that would be infinite in float32, and not too many shapes."""
     body = robot(link('base', *[('<box size="1e300 -1 0"/>', 'xyz="1e300 0 0"')] * (
-        MAX_SHAPES + 1)))
-    shown = page(buffer_of('map base'), body, shapes=MAX_SHAPES)
+        MOST_SHAPES + 1)))
+    shown = page(buffer_of('map base'), body, shapes=MOST_SHAPES)
     assert np.isfinite(np.array([*drawn(shown)[0]['dimensions'], *drawn(shown)[0]['position']],
                                 np.float32)).all()
-    says(shown, f'only {MAX_SHAPES} of {MAX_SHAPES + 1} shapes are drawn')
+    says(shown, f'only the first {MOST_SHAPES} shapes are read')
 
 
 def test_a_mesh(page, tmp_path):
@@ -369,7 +369,8 @@ def test_many_missing_meshes(page, tmp_path, monkeypatch):
     assert '<br>and 50 more lines</details>' in shown.viewer.text('robot')
     nodes = shown.viewer.nodes
     sign, = [node for name, node in nodes.items() if name.endswith('/sign')]
-    assert sign['text'] == '80 meshes not drawn: see the tab Robot'
+    assert sign['text'] == ('80 meshes not drawn: base_0.stl, base_1.stl, base_2.stl, base_3.stl, '
+                            'base_4.stl and 35 more')
     for package in 'left', 'right':
         (tmp_path / package).mkdir()
         for name in 'base', 'arm':
@@ -720,9 +721,9 @@ def test_a_page_that_is_exported_has_all_shapes(tmp_path):
     """Also if a single moment is recorded."""
     feed = BagFeed(buffer_of('map base'), 'bag')
     feed.robots = {'/robot_description': robot(link('base', *[('<sphere radius="1"/>',)] * 150))}
-    recording = Recording(feed)
-    recording.add(0.0, T)
-    names = [message.get('name', '') for _, message in recorded(recording.as_html())['messages']]
+    animation = Animation(feed)
+    animation.add(0.0, T)
+    names = [message.get('name', '') for _, message in recorded(animation.as_html())['messages']]
     assert len({name for name in names if name.startswith('/world/robots/0/')}) == 150
 
 
@@ -734,9 +735,9 @@ def test_a_page_that_is_exported_has_the_body(tmp_path):
     for links in [], [link('base', ('<mesh filename="package://pkg/a.stl"/>',))]:
         feed = BagFeed(buffer_of('map base'), 'bag')
         feed.robots = {'/robot_description': robot(*links)} if links else {}
-        recording = Recording(feed, [str(tmp_path)])
-        recording.add(0.0, T)
-        pages.append([message for _, message in recorded(recording.as_html())['messages']])
+        animation = Animation(feed, [str(tmp_path)])
+        animation.add(0.0, T)
+        pages.append([message for _, message in recorded(animation.as_html())['messages']])
     without, with_body = pages
     assert not [each for each in without if 'robots' in str(each.get('name'))]
     assert [each['name'] for each in with_body if each['type'] == 'MeshMessage'] == [

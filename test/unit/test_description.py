@@ -419,21 +419,6 @@ def test_a_document_type_is_refused_before_a_parser_sees_it(monkeypatch):
         parse(DOCTYPES['entities'] + robot(link('a')))
 
 
-@pytest.mark.parametrize('name', ['top.xacro', 'part.xacro'])
-def test_a_document_type_in_a_file_of_xacro(tmp_path, name):
-    """It is refused, also in a file that is included, which the error names."""
-    pytest.importorskip('xacro')
-    texts = {'top.xacro': XACRO.replace('<xacro:part name="b"/>', (
-        f'<xacro:part name="b"/><xacro:include filename="{tmp_path}/part.xacro"/>')),
-        'part.xacro': '<robot/>'}
-    for each, text in texts.items():
-        (tmp_path / each).write_text((each == name) * DOCTYPES['default attributes'] + text)
-    with pytest.raises(DescriptionError, match=f'top.xacro: .*{name} has a <!DOCTYPE'):
-        read(tmp_path / 'top.xacro')
-    (tmp_path / name).write_text(texts[name])
-    assert parse(read(tmp_path / 'top.xacro')).links == ('a', 'b')
-
-
 def test_a_long_namespace_is_not_repeated():
     """Expat would put it into the name of each kind of element."""
     text = robot(link('a'), *(f'<x{i}/>' for i in range(100))).replace(
@@ -448,9 +433,9 @@ def test_a_long_namespace_is_not_repeated():
 
 def test_shapes_are_bounded_also_if_none_is_valid():
     """So are the warnings about them."""
-    found = parse(robot(link('a', '<visual/>' * 10_010)))
-    assert len(found.warnings) == 10_001
-    assert found.warnings[-1] == 'only the first 10000 shapes are read'
+    found = parse(robot(link('a', '<visual/>' * 2010)))
+    assert len(found.warnings) == 2001
+    assert found.warnings[-1] == 'only the first 2000 shapes are read'
 
 
 def test_the_first_child_of_a_geometry_is_the_shape():
