@@ -62,7 +62,7 @@ class RobotTransforms:
 
     def fixed(self) -> list[LinkTransform]:
         """Return the transforms of fixed joints, and of planar ones at their origin."""
-        return [self._transform(joint, joint.pose) for joint in self._joints.values()
+        return [self._link_transform(joint, joint.pose) for joint in self._joints.values()
                 if joint.kind in ('fixed', 'planar')]
 
     def moving(self, stamp: int, names: Sequence[str], positions: Sequence[float], now: int
@@ -153,13 +153,13 @@ class RobotTransforms:
             if name in positions and joint.is_movable:
                 if isfinite(positions[name]):
                     self._never_sent.discard(name)
-                    transforms.append(self._transform(joint, joint.pose_at(positions[name])))
+                    transforms.append(self._link_transform(joint, joint.pose_at(positions[name])))
                 else:
                     self._warn_once('ignored positions that are not finite, such as '
                                     f'{positions[name]} of joint', f' {shortened(name)}')
         return transforms
 
-    def _transform(self, joint: Joint, pose: Pose) -> LinkTransform:
+    def _link_transform(self, joint: Joint, pose: Pose) -> LinkTransform:
         return self.frame_prefix + joint.parent, self.frame_prefix + joint.child, pose
 
     def _warn_of_lengths(self, names: Sequence[str], positions: Sequence[float]) -> None:

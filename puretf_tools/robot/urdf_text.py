@@ -17,15 +17,10 @@ from puretf_tools.cli.errors import UsageError
 #: The longest text that is parsed (characters or bytes).
 MAX_SIZE = 10_000_000
 
-#: Why XML with a document type is refused.
-HAS_DOCTYPE = ('has a <!DOCTYPE, which is not allowed, since it can make a short text endless: '
-               'remove it, and write the text of each entity in its place')
 _BLANKS = ' \t\r\n'
 _NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
 _LONGEST_NUMBER, _WORDS = 100, {3: 'three', 4: 'four'}
 
-#: So much of a text is parsed at a time (characters).
-_PIECE = 1_000_000
 #: Comments, CDATA and instructions: urdfdom accepts -- in a comment, and a declaration after
 #: blanks. A group matches what is not closed.
 _NO_ELEMENT = re.compile(
@@ -130,7 +125,7 @@ def robot_element(text: str) -> ElementTree.Element:
             refuse('the robot description ' + what.format(
                 begin=quoted(begin), file='FILE' if '://' in path else shlex.quote(path)))
     try:
-        robot = _xml(_source(text, 'the robot description'))
+        robot = _xml(_source(text))
     except (expat.ExpatError, UnicodeError) as error:
         hint = '' if begin.startswith('<') else f'; it begins with {quoted(begin)}'
         refuse(f'the robot description is not valid XML: {error}{hint}')
@@ -169,7 +164,7 @@ def _is_number(text: str) -> bool:
             and isfinite(float(text)))
 
 
-def _source(text: str, what: str) -> str:
+def _source(text: str) -> str:
     """
     Return a text with its elements only, in the same lines.
 
@@ -179,7 +174,8 @@ def _source(text: str, what: str) -> str:
     text = _NO_ELEMENT.sub(lambda found: found[0] if found.lastindex else (
         ' ' + '\n' * found[0].count('\n')), text)
     if text.lstrip('\ufeff' + _BLANKS).startswith('<!DOCTYPE'):
-        refuse(f'{what} {HAS_DOCTYPE}')
+        refuse('the robot description has a <!DOCTYPE, which is not allowed, since it can make a '
+               'short text endless: remove it, and write the text of each entity in its place')
     return text.lstrip('\ufeff')
 
 
@@ -187,7 +183,5 @@ def _xml(text: str) -> ElementTree.Element:
     """Parse XML without namespaces, like urdfdom: they would put their URI into each name."""
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
-    for begin in range(0, len(text), _PIECE):  # other threads run between two pieces
-        parser.Parse(text[begin:begin + _PIECE])
-    parser.Parse('', True)
+    parser.Parse(text, True)
     return builder.close()

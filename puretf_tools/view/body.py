@@ -15,8 +15,8 @@ from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.shapes import Rgba, Shape
 from puretf_tools.view.axes_and_trail import rounded
-from puretf_tools.view.mesh_files import MeshError
-from puretf_tools.view.meshes import Mesh, Meshes, MissingMesh, REMEDY
+from puretf_tools.view.mesh_loader import Mesh, MeshError
+from puretf_tools.view.meshes import Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import WORLD
 
@@ -107,17 +107,13 @@ class Body:
         # The name of a node must not depend on that of its link, which can have slashes.
         self._next_node = self._left = 0  # how many shapes this update may still add
         self._opacity = 1.0
-        #: What the panel says of descriptions, and of each mesh that cannot be drawn; another
-        #: tuple after a change.
-        self.lines: tuple[list[str], list[str]] = [], []
 
     def show(self, descriptions: Mapping[str, DescriptionOrWhy], placement: Placement,
              body: BodyDisplay) -> None:
         """Draw the bodies at the frames."""
-        has_changed = descriptions is not self._descriptions
-        if has_changed:
+        if descriptions is not self._descriptions:
             self._replace(descriptions)
-        if not self._robots and not has_changed:
+        if not self._robots:
             return
         self._set_opacity(body.opacity)
         self._left = self.at_a_time
@@ -130,18 +126,19 @@ class Body:
                 robot.prefix, robot.found = prefix(
                     robot.topic, robot.description.root, robot.description.links,
                     {*placement.names})
-                has_changed = True
             for part in robot.parts:
                 frame = robot.prefix + part.link
                 is_on = body.with_collisions if part.is_collision else body.with_visuals
                 if is_on and frame in poses:
-                    has_changed |= self._draw(robot, part, poses[frame])
+                    self._draw(robot, part, poses[frame])
                 elif part.node is not None and part.node.visible:
                     part.node.visible = False
-        if has_changed:
-            self.lines = [line for topic, each in descriptions.items() for line in (
-                [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
-                line for robot in self._robots.values() for line in robot.problems]
+
+    def lines(self) -> tuple[list[str], list[str]]:
+        """Return what the panel says of descriptions, and of each mesh that cannot be drawn."""
+        return [line for topic, each in self._descriptions.items() for line in (
+            [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
+            line for robot in self._robots.values() for line in robot.problems]
 
     def _replace(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """Remove the bodies whose description has changed, and add the new ones."""
@@ -164,8 +161,8 @@ class Body:
                     for handle, own in part.drawn:
                         handle.opacity = _opacity(own * opacity)
 
-    def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> bool:
-        """Draw a part at a pose; return True if a mesh is found to be missing."""
+    def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> None:
+        """Draw a part at a pose."""
         if part.node is None:
             part.node = self._scene.add_frame(
                 f'{WORLD}/robots/{self._next_node}', show_axes=False, visible=False)
@@ -174,16 +171,12 @@ class Body:
             part.pose = pose
             x, y, z, w = pose[3:]
             self._put(part.node, (pose[0], pose[1], pose[2]), (w, x, y, z))
-        if not part.shapes:
-            return False
         count = len(robot.problems)
         part.shapes = [shape for shape in part.shapes if not self._add(shape, robot, part)]
-        if (new := len(robot.problems)) == count:
-            return False
-        if robot.sign is None:
-            robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
-        robot.sign.text = f'{_meshes(new)} not drawn: {comma_list([*robot.not_drawn])}'
-        return True
+        if (new := len(robot.problems)) > count:
+            if robot.sign is None:
+                robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
+            robot.sign.text = f'{_meshes(new)} not drawn: {comma_list([*robot.not_drawn])}'
 
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
         """Add a shape to the node of its part; return False if it must wait for another update."""

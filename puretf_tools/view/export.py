@@ -73,7 +73,7 @@ class Animation:
                            {placement.deepest}, trail, descriptions, BodyDisplay(), follow)
                 scene.move()
                 before = time
-            _, self.problems = scene.body.lines
+            _, self.problems = scene.body.lines()
             serializer.insert_sleep(PERIOD)  # before the loop begins again
             return str(serializer.as_html())
         finally:

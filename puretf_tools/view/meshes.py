@@ -1,37 +1,19 @@
 """The meshes that descriptions of robots name: found below a search path, and loaded once."""
 
-from collections.abc import Iterable, Sequence
-from io import BytesIO
-import logging
+from collections.abc import Iterable
 import os
 from pathlib import Path
 from queue import SimpleQueue
 import re
 from threading import Thread
-from typing import Any, NamedTuple, Optional, Union
+from typing import Optional, Union
 from urllib.parse import unquote
 
-import numpy as np
-from numpy.typing import NDArray
-import trimesh
+from puretf_tools.view.mesh_loader import end, load, Mesh, MeshError
 
-from puretf_tools.robot.shapes import Rgba
-from puretf_tools.view.mesh_files import check_size, checked, MAX_BYTES, MeshError
-
-#: The formats that are loaded, by the end of the file's name.
-FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
 #: The scheme, or '' of a relative path, and the rest. RFC 3986 has no colon at its beginning.
 _NAME = re.compile(r'(?:(package|file)://|(?![^/]*:|$))(.*)', re.DOTALL)
-_LFS = b'version https://git-lfs.github.com/spec/'
 REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
-
-
-class Mesh(NamedTuple):
-    """A mesh."""
-
-    vertices: NDArray[np.float32]  #: (n, 3): x, y, z (m)
-    faces: NDArray[np.uint32]  #: (m, 3): indices of vertices
-    rgba: Optional[Rgba]  #: None if it has no color, or several ones
 
 
 class MissingMesh(MeshError):
@@ -78,6 +60,8 @@ class Meshes:
     def _load_wanted(self) -> None:
         while True:
             self.load(self._wanted.get())
+            if self._wanted.empty():
+                end()
 
     def find(self, file: str) -> Path:
         """
@@ -108,89 +92,3 @@ class Meshes:
         searched = ', '.join(map(str, self._directories))
         raise MissingMesh(f'there is no such file below {searched}: {REMEDY}' if searched else
                           f'there is no directory to search: {REMEDY}')
-
-
-def load(path: Path) -> Mesh:
-    """Load a mesh; trimesh gets the bytes of this file, and reads no others."""
-    kind = path.suffix.lower()
-    if kind not in FORMATS:
-        raise MeshError(f'the format {kind!r:.20} is not read: convert it to one of '
-                        f'{", ".join(FORMATS)}')
-    try:
-        with path.open('rb') as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise MeshError(f'{path} cannot be read: {error.strerror or error}') from None
-    if len(data) > MAX_BYTES:
-        raise MeshError(f'it has more than {MAX_BYTES // 10**6} MB: simplify it')
-    if data.startswith(_LFS):
-        raise MeshError(f'{path} is a Git LFS pointer: git lfs pull')
-    logging.getLogger('trimesh').setLevel(logging.CRITICAL)  # the panel has a line
-    try:
-        mesh = _joined(*_parts(kind, data))
-    except MeshError:
-        raise
-    except ImportError as error:
-        raise MeshError('.dae files need pycollada: pip install pycollada, or convert it to .stl'
-                        if kind == '.dae' else f'{error}: convert it to .stl') from None
-    except Exception as error:  # trimesh and its libraries raise errors of many types
-        text = ' '.join(f'{type(error).__name__}: {error}'.split())
-        raise MeshError(f'it cannot be loaded ({text:.200}): open it with another program, and '
-                        'save it as .stl') from None
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise MeshError('it has no triangles, or numbers that are not finite: export it again')
-    return mesh
-
-
-def _parts(kind: str, data: bytes
-           ) -> tuple[list[tuple[NDArray[np.float64], trimesh.Trimesh]], float]:
-    """Return meshes, each with its pose, and their unit (m)."""
-    data, unit = checked(kind, data)
-    # The wrong indices of a .ply file would be gone after processing.
-    scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:],
-                               **{'process': False} if kind == '.ply' else {})
-    parts = [(matrix, scene.geometry[name])
-             for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
-             if isinstance(scene.geometry[name], trimesh.Trimesh)]
-    check_size(sum(len(part.faces) for _, part in parts),  # a part may be used often
-               sum(len(part.vertices) for _, part in parts))
-    for _, part in parts:
-        if len(part.faces) and not 0 <= part.faces.min() <= part.faces.max() < len(part.vertices):
-            raise MeshError(f'a triangle of it has the vertices {part.faces.min()} to '
-                            f'{part.faces.max()}, but there are 0 to {len(part.vertices) - 1}: '
-                            'export it again')
-        if kind == '.ply':
-            part.process()
-    return parts, unit
-
-
-def _joined(parts: Sequence[tuple[NDArray[np.float64], trimesh.Trimesh]], unit: float) -> Mesh:
-    """
-    Join meshes; trimesh itself would need scipy for some of them.
-
-    assimp, which rviz2 uses, scales COLLADA by its unit; like it, ignore the up axis.
-    """
-    vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
-    for matrix, part in parts:
-        vertices.append(unit * (part.vertices @ matrix[:3, :3].T + matrix[:3, 3]))
-        faces.append(part.faces + count)
-        count += len(part.vertices)
-    colors = {_color(part.visual) for _, part in parts}
-    return Mesh(
-        np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.uint32),
-        colors.pop() if len(colors) == 1 else None)
-
-
-def _color(visual: Any) -> Optional[Rgba]:
-    """Return the color of a mesh that has a single one."""
-    colors = visual.face_colors if visual.kind == 'face' else (
-        visual.vertex_colors if visual.kind == 'vertex' else
-        getattr(visual.material, 'baseColorFactor', None) if visual.kind == 'texture' else None)
-    if colors is None or not len(colors) or (
-            visual.kind == 'texture' and visual.material.baseColorTexture is not None):
-        return None
-    colors = np.atleast_2d(colors)
-    if (colors != colors[0]).any():
-        return None
-    red, green, blue, alpha = (colors[0] / 255.0).tolist()
-    return red, green, blue, alpha

@@ -178,7 +178,7 @@ def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
         _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
         _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
     return (f'<table style="{STYLE}" data-text="pair">'
-            f'<tr>{_label("time")}<td colspan="4">{time}</td></tr>{rows}</table>')
+            f'<tr><td>time</td><td colspan="4">{time}</td></tr>{rows}</table>')
 
 
 def _as_texts(transform: Transform) -> str:
@@ -196,8 +196,4 @@ def _as_texts(transform: Transform) -> str:
 def _row(label: str, values: Iterable[float], precision: int) -> str:
     cells = ''.join('<td style="text-align: right; padding-left: .4em; overflow-wrap: normal">'
                     f'{fixed_point(value, precision)}</td>' for value in values)
-    return f'<tr>{_label(label)}{cells}</tr>'
-
-
-def _label(text: str) -> str:
-    return f'<td style="opacity: .7">{text}</td>'
+    return f'<tr><td style="opacity: .7">{label}</td>{cells}</tr>'

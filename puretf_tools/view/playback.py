@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
 from math import ceil
-from typing import Any, Optional
+from typing import Any
 
 import viser
 
@@ -72,10 +72,13 @@ class Playback:
                 event.target.value * SECOND)))
 
     async def _on_goal(self, event: 'viser.GuiEvent[Any]') -> None:
-        time, problem = self._goal(abbreviated(event.target.value))
+        problem = ''
+        try:
+            if text := abbreviated(event.target.value):
+                self._requests.append(partial(self._player.stop_at, self._goal(text)))
+        except ArgumentTypeError as error:
+            problem = str(error)
         self._problem.content = html(problem, 'problem')
-        if time is not None:
-            self._requests.append(partial(self._player.stop_at, time))
 
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
         self._player.speed = float(_SPEEDS[_SPEEDS.index(event.target.value)])
@@ -139,15 +142,10 @@ class Playback:
         if stamps:
             self._player.stop_at(max(stamps) if is_back else min(stamps))
 
-    def _goal(self, text: str) -> tuple[Optional[int], str]:
-        """Return the time (ns) that a viewer has typed, and why there is none."""
+    def _goal(self, text: str) -> int:
+        """Return the time (ns) that a viewer has typed; ArgumentTypeError: there is none."""
         span = self._player.begin, self._player.end
-        if not text:
-            return None, ''
-        try:
-            time = when(text).within(span)
-        except ArgumentTypeError as error:
-            return None, str(error)
+        time = when(text).within(span)
         if problem := why_outside(time, span):
-            return None, problem
-        return time or self._player.end, ''  # 0: the latest
+            raise ArgumentTypeError(problem)
+        return time or self._player.end  # 0: the latest

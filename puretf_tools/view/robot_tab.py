@@ -1,6 +1,6 @@
 """The tab of a robot: what of its body is drawn, and sliders for its joints."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 from math import degrees, floor, log10
 from typing import Any, Optional
@@ -32,6 +32,7 @@ class RobotTab:
         self._gui, self._tabs, self._settings, self._source = gui, tabs, settings, joints
         self._controls: list[Any] = []  # of a `BodyDisplay`
         self._joints: Optional[Joints] = None
+        self._next = 0.0  # (s, monotonic clock)
         if joints and joints.come_first:
             self._add()
 
@@ -49,18 +50,21 @@ class RobotTab:
         """What the viewer has chosen."""
         return BodyDisplay(*(control.value for control in self._controls))
 
-    def update(self, lines: tuple[Sequence[str], Sequence[str]], now: float) -> None:
+    def update(self, lines: Callable[[], tuple[Sequence[str], Sequence[str]]], now: float) -> None:
         """Show lines of text, and folded ones; and the joints."""
-        if lines[0] and not self._controls:
+        if now < self._next:
+            return
+        self._next = now + _PERIOD
+        shown, folded = map(_joined, lines())
+        if shown and not self._controls:
             self._add()
         if not self._controls:
             return
-        shown, folded = map(_joined, lines)
         if folded:
             shown += f'<details><summary>meshes that are not drawn</summary>{folded}</details>'
         change(self._text, content=f'<div style="{STYLE}" data-text="robot">{shown}</div>')
         if self._joints:
-            self._joints.update(now)
+            self._joints.update()
 
 
 def _joined(lines: Sequence[str]) -> str:
@@ -108,7 +112,6 @@ class Joints:
         self._control: Optional[JointControl] = None  # the one that is shown
         self._sliders: list[_Slider] = []
         self._shown: Optional[JointPositions] = None  # what the sliders belong to
-        self._next = 0.0
 
     @property
     def _chosen(self) -> Optional[JointControl]:
@@ -131,11 +134,8 @@ class Joints:
                     slider.shown = event.target.value
                     control.set(slider.joint.name, slider.shown / slider.scale)
 
-    def update(self, now: float) -> None:
-        """Show the robots and the positions; `now`: on the monotonic clock (s)."""
-        if now < self._next:
-            return
-        self._next = now + _PERIOD
+    def update(self) -> None:
+        """Show the robots and the positions."""
         topics = tuple(control.topic for control in self._source.controls)
         change(self._choice, options=topics or ('',), visible=len(topics) > 1)
         control = self._control = self._chosen

@@ -20,11 +20,8 @@ _FARTHEST, _LATEST = 1e12, 2**63 - 1
 _LONGEST_SHOWN = 60  # characters of a value that is refused
 
 
-class _Kind(NamedTuple):
-    """The values that a setting can have."""
-
-    has: Callable[[Any], bool]
-    description: str  #: what the value must be
+#: Whether a setting can have a value, and what the value must be.
+_Kind = tuple[Callable[[Any], bool], str]
 
 
 def _is_number(value: Any, lower: float, upper: float) -> bool:
@@ -45,31 +42,30 @@ def _is_camera(value: Any) -> bool:
 
 
 def _slider(lower: float, upper: float) -> _Kind:
-    return _Kind(lambda value: _is_number(value, lower, upper),
-                 f'a number from {lower:g} to {upper:g}')
+    return lambda value: _is_number(value, lower, upper), f'a number from {lower:g} to {upper:g}'
 
 
-_FLAG = _Kind(lambda value: type(value) is bool, 'true or false')
-_TEXT = _Kind(_is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8')
-_FRAME = _Kind(lambda value: value is None or _is_text(value),
-               f'the name of a frame, of at most {LONGEST_NAME} bytes in UTF-8, or null')
-_FRAMES = _Kind(lambda value: type(value) is list and all(map(_is_text, value)),
-                f'a list of names of frames, each of at most {LONGEST_NAME} bytes in UTF-8')
+_FLAG: _Kind = lambda value: type(value) is bool, 'true or false'
+_TEXT: _Kind = _is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8'
+_FRAME: _Kind = (lambda value: value is None or _is_text(value),
+                 f'the name of a frame, of at most {LONGEST_NAME} bytes in UTF-8, or null')
+_FRAMES: _Kind = (lambda value: type(value) is list and all(map(_is_text, value)),
+                  f'a list of names of frames, each of at most {LONGEST_NAME} bytes in UTF-8')
 #: By the names of settings, such as the labels of controls.
-_KINDS = {
+_KINDS: dict[str, _Kind] = {
     **{label: _slider(*limits) for label, limits in _RANGES.items()},
     **dict.fromkeys(('Axes', 'Lines to parents', 'Grid', 'Dark', 'Follow its yaw', 'Visual',
                      'Collision'), _FLAG),
-    'Show names': _Kind(lambda value: type(value) in (bool, type(None)), 'true, false or null'),
+    'Show names': (lambda value: type(value) in (bool, type(None)), 'true, false or null'),
     **dict.fromkeys(('Include', 'Exclude'), _TEXT),
     **dict.fromkeys(('Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B'), _FRAME),
     **dict.fromkeys(('Hidden', 'Hidden branches', 'Folded'), _FRAMES),
-    'Plot over': _Kind(lambda value: type(value) is str and value in SPANS,
-                       f'one of {", ".join(SPANS)}'),
-    'Camera': _Kind(_is_camera, 'empty, or position, target (m; each number from '
-                    f'{-_FARTHEST:g} to {_FARTHEST:g}) and angle (rad; from 0.001 to pi)'),
-    'Time': _Kind(lambda value: type(value) is int and 0 <= value <= _LATEST,
-                  f'an integer from 0 to {_LATEST} (ns)')}
+    'Plot over': (lambda value: type(value) is str and value in SPANS,
+                  f'one of {", ".join(SPANS)}'),
+    'Camera': (_is_camera, 'empty, or position, target (m; each number from '
+               f'{-_FARTHEST:g} to {_FARTHEST:g}) and angle (rad; from 0.001 to pi)'),
+    'Time': (lambda value: type(value) is int and 0 <= value <= _LATEST,
+             f'an integer from 0 to {_LATEST} (ns)')}
 
 
 class _Kept(NamedTuple):
@@ -122,7 +118,7 @@ class Settings:
         """Return a line of JSON; `restore` takes it, so what does not fit is left out."""
         values = {**self._wanted, **{name: kept.read() for name, kept in self._kept.items()}}
         return json.dumps({name: value for name, value in values.items()
-                           if _KINDS[name].has(value)})
+                           if _KINDS[name][0](value)})
 
     def restore(self, text: str) -> str:
         """Set what a line of JSON says, and return ''; or set nothing, and return why."""
@@ -133,8 +129,9 @@ class Settings:
             return 'this is no view: copy the line that "Copy view" shows'
         known = {name: value for name, value in values.items() if name in _KINDS}
         for name, value in known.items():
-            if not _KINDS[name].has(value):
-                return f'{name} must be {_KINDS[name].description}, got {_shown(value)}'
+            has, description = _KINDS[name]
+            if not has(value):
+                return f'{name} must be {description}, got {_shown(value)}'
         self._wanted = known
         for name in known:
             self._restore(name)

@@ -172,9 +172,6 @@ class Viewer:
         self._panel.put_panels(self.pace.panels)
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
-        if self.pace.is_blocked:
-            self._client.add_notification('The view is not kept', 'This browser lets the page '
-                                          'store nothing: reloading it begins again.')
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
@@ -318,21 +315,17 @@ class Pace:
             self._client.local_storage.set_item(self._key, text)
 
     def _work(self) -> None:
+        get = self._client.local_storage.get_item
         try:
-            self._ask_and_move()
+            try:  # a browser that is slow must not begin anew, and store that
+                self.stored, self.panels = get(self._key), get(PANELS)
+            except RuntimeError:  # or the viewer has left
+                self.is_blocked = True
+            self.is_waiting = False
+            while move := self._moves.get():
+                with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
+                    self.pixel_ratio = get(PIXEL_RATIO)
+                move()
+                self.is_waiting = False
         except Exception as error:
             self.error, self.is_waiting = error, False
-
-    def _ask_and_move(self) -> None:
-        try:
-            # A browser that is slow must not begin anew, and store that.
-            self.stored = self._client.local_storage.get_item(self._key)
-            self.panels = self._client.local_storage.get_item(PANELS)
-        except RuntimeError:  # or the viewer has left
-            self.is_blocked = True
-        self.is_waiting = False
-        while move := self._moves.get():
-            with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
-                self.pixel_ratio = self._client.local_storage.get_item(PIXEL_RATIO)
-            move()
-            self.is_waiting = False

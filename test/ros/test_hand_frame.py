@@ -1,6 +1,5 @@
 """The frame that is placed by hand, as the node of web_view publishes it."""
 
-import shlex
 
 import pytest
 from rclpy.time import Time
@@ -13,8 +12,6 @@ from puretf import (
     TransformBroadcaster,
     TransformListener,
 )
-from puretf.rotations import euler_from_quaternion
-from puretf_tools.commands import static_transform_publisher
 from puretf_tools.view.feed import LiveFeed
 
 HAND = Transform(0, 'map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
@@ -129,26 +126,3 @@ def test_what_is_not_valid_is_refused(publisher):
     """A parent can have a name that ROS cannot send."""
     assert 'NUL' in publisher.send(HAND._replace(frame_id='a\0'), ME)
     assert not publisher.send(HAND, YOU)
-
-
-@pytest.mark.parametrize(('parent', 'name'), [('map', 'hand'), ("it's <a>", '-x')])
-def test_the_command_is_accepted(monkeypatch, parent, name):
-    """It publishes the frame that the page publishes."""
-    pytest.importorskip('viser')
-    from puretf_tools.view.details import command_line
-    sent = []
-
-    def publish(*args, **kwargs):
-        sent.append(args)
-        return 0
-
-    monkeypatch.setattr(static_transform_publisher, 'command', publish)
-    command, *arguments = shlex.split(command_line(
-        parent, name, zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'), (
-            *HAND.translation, *euler_from_quaternion(HAND.rotation)))))
-    assert command == 'static_transform_publisher'
-    assert static_transform_publisher.main(arguments) == 0
-    (translation, rotation, *frames, _), = sent
-    assert translation == [*HAND.translation]
-    assert rotation == pytest.approx(HAND.rotation, abs=1e-9)
-    assert frames == [parent, name]

@@ -15,8 +15,7 @@ from typing import Any
 from fuzz_messages import changed, folder, Input
 import numpy as np
 
-from puretf_tools.view.mesh_files import MeshError
-from puretf_tools.view.meshes import load
+from puretf_tools.view.mesh_loader import load, MeshError
 
 # Meshes
 
@@ -116,7 +115,7 @@ def check_meshes(data: bytes) -> None:
     path = folder() / f'mesh{kind}'
     path.write_bytes(content)
     try:
-        mesh = load(path)
+        mesh = load(path, 4)
     except MeshError as error:
         text = str(error)
         assert text.isprintable(), repr(text)

@@ -5,11 +5,13 @@ from collections.abc import Callable
 from contextlib import suppress
 import re
 import time
-from typing import Any, Optional
+from typing import Any, cast, Optional
 
 import numpy as np
 from processes import TIMEOUT
 import pytest
+
+from puretf_tools.view.feed import Feed, HandPublisher, Publication
 
 viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 msgspec, zstandard = map(pytest.importorskip, ('msgspec', 'zstandard'))
@@ -197,6 +199,40 @@ def recorded(page):
     scene = page.split('window.__VISER_EMBED_DATA__="')[1].split('"')[0]
     content = zstandard.ZstdDecompressor().decompress(base64.b64decode(scene)[8:])
     return msgspec.msgpack.decode(content[8:8 + int.from_bytes(content[:8], 'little')])
+
+
+class StubFeed(Feed):
+    """A feed with the same facts about every frame, and what is published by hand."""
+
+    name, hint = '/tf', 'other <topics>'
+
+    def __init__(self, buffer, publication=None):
+        """Create a feed of a buffer; `why` is the reason by which it refuses what is published."""
+        self.buffer = buffer
+        self._publication = publication or Publication(None, None, '')
+        self.sent, self.stopped, self.why = [], [], ''
+        self.hand_publisher = cast(HandPublisher, self)
+
+    def publication(self, frame):
+        """Return the facts, whatever the frame is."""
+        return self._publication
+
+    def why_no_frames(self):
+        """Return a reason."""
+        return 'because'
+
+    def reset(self):
+        """Forget all transforms."""
+        self.buffer.clear()
+
+    def send(self, transform, _):
+        """Publish a frame."""
+        self.sent.append(transform)
+        return self.why
+
+    def stop(self, name):
+        """Stop publishing a frame."""
+        self.stopped.append(name)
 
 
 class Page:

@@ -54,7 +54,7 @@ class Page:
     def __init__(self, *controls):
         """Serve the page, and open it twice."""
         self._stack = ExitStack()
-        self.controls, self._now = [*controls], 0.0
+        self.controls = [*controls]
         self.server = self._stack.enter_context(serve('127.0.0.1'))
         self._joints = {}
         self.viewer, self.other = [self._stack.enter_context(closing(
@@ -72,12 +72,11 @@ class Page:
 
     def update(self):
         """Update the sliders of each viewer, as the page does."""
-        self._now += 1.0
         for number, client in self.server.get_clients().items():
             if number not in self._joints:
                 self._joints[number] = Joints(
                     client.gui, client.gui.add_folder('Robot'), cast(JointControls, self))
-            self._joints[number].update(self._now)
+            self._joints[number].update()
 
     def until(self, condition, viewer=None):
         """Update until a condition holds, which `viewer` sees."""
@@ -160,19 +159,6 @@ def test_a_robot_that_leaves_while_it_is_moved():
         page.viewer.set('Wave', True)
         page.until(lambda: page.text() == 'start it')
         assert (control.positions['turn'], control.waves) == (0.0, 0)
-
-
-def test_the_chosen_robot_is_moved():
-    """Also if its sliders are not shown yet."""
-    first, second = (JointControl(f'/{name}/joint_states', ARM) for name in ('a', 'b'))
-    for control in first, second:
-        control.positions.set('turn', 0.5)
-    with Page(first, second) as page:
-        page.wait_for_sliders(3)
-        page.viewer.set('Joints of', second.topic)
-        page.viewer.set('Centre', True)
-        page.until(lambda: page.viewer.value('turn (°)') == 0.0)
-        assert (first.positions['turn'], second.positions['turn']) == (0.5, 0.0)
 
 
 def test_many_joints(monkeypatch):

@@ -17,7 +17,7 @@ from puretf_tools.cli.parser import CommandError
 from puretf_tools.view.feed import BagFeed
 from puretf_tools.view.server import address_lines, serve, why_refused
 from puretf_tools.view.view import View
-from puretf_tools.view.viser_private import VISER
+from puretf_tools.view.viser_private import HANDLES, VISER
 
 Headers, ConnectionClosed = (
     pytest.importorskip('websockets').Headers,
@@ -74,7 +74,7 @@ def test_own_pages_are_served(host, origin):
 @pytest.mark.parametrize(('host', 'origin'), [
     ('evil.example:8080', None), ('127.0.0.1.evil.example:8080', None), ('127.evil.example', None),
     ('127.0.0.1.:8080', None), ('127.1:8080', None), ('localhost.evil.example', None),
-    ('192.0.2.1:8080', None), ('0.0.0.0:8080', None), ('[::2]:8080', None),
+    ('192.0.2.1:8080', None), ('[::2]:8080', None),
     ('127.0.0.1.evil.example', 'http://127.0.0.1.evil.example'),
     (OWN, f'https://{OWN}'), (OWN, 'http://evil.example'), (OWN, 'http://127.0.0.1'),
     (OWN, 'http://127.0.0.1:8081'), (OWN, 'http://localhost:8080'), (OWN, 'null'), (OWN, ''),
@@ -211,7 +211,9 @@ def setting(label, value):
     return lambda uuid: update(uuid(label), value=value)
 
 
-AXIS = 'Axis length (m)'
+AXIS, XYZ = 'Axis length (m)', 'x, y, z (m)'
+DRAG = {'type': 'TransformControlsUpdateMessage', 'name': HANDLES, 'owner': '',
+        'wxyz': [1, 0, 0, 0], 'position': [0, 0, 0]}
 #: Functions that return a message by a function which returns the uuid of a control.
 NONSENSE = {
     'no msgpack': lambda uuid: b'\xc1',
@@ -226,10 +228,21 @@ NONSENSE = {
         'type': 'FileTransferStartUpload', 'source_component_uuid': uuid(AXIS), 'filename': 'a',
         'transfer_uuid': '1', 'mime_type': 'b', 'part_count': 0, 'size_bytes': 0},
     'fields missing': lambda uuid: {'type': 'ViewerCameraMessage'},
+    'an answer that is no text': lambda uuid: {
+        'type': 'LocalStorageGetItemResponseMessage', 'value': [], 'error': None,
+        'request_uuid': 'x'},
     'another attribute': lambda uuid: update(uuid(AXIS), update_cb=[]),
     **{f'{value!r} in {label}': setting(label, value) for label, value in (
         (AXIS, 'metre'), (AXIS, float('nan')), (AXIS, True), ('Frame timeout (s)', None),
-        ('Grid', 'x'), ('Search', 1), ('Fixed frame', 0))},
+        ('Grid', 'x'), ('Search', 1), ('Fixed frame', 0), ('Time (s)', float('nan')),
+        ('Speed', '1e9'), (XYZ, [float('nan'), 0, 0]), (XYZ, [4]), (XYZ, [1, 2, 3, 4]),
+        (XYZ, ['x', 0, 0]))},
+    **{f'handles {i}': lambda _, changes=changes: {**DRAG, **changes}
+       for i, changes in enumerate((
+           {'name': '/frames'}, {'name': '/frames', 'type': 'TransformControlsDragStartMessage'},
+           {'position': [float('nan'), 0, 0]}, {'position': [0, 0]}, {'position': ['x', 0, 0]},
+           {'wxyz': [0, 0, 0, 0]}, {'wxyz': [float('inf'), 0, 0, 0]}, {'wxyz': [1] * 5},
+           {'wxyz': 1}))},
     'no direction is up': lambda _: {**CAMERA, 'up_direction': [0, 0, 0]},
     'a camera that looks nowhere': lambda _: {**CAMERA, 'look_at': [float('nan')] * 3},
     'a camera without an angle': lambda _: {**CAMERA, 'fov': 'x'},

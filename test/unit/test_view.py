@@ -11,8 +11,8 @@ import pytest
 
 from puretf import TransformBuffer
 from puretf_tools.view import feed as feed_module
-from puretf_tools.view.axes_and_trail import axes, Display, fading, lines, rounded
-from puretf_tools.view.feed import BagFeed, Feed, Player, Publication
+from puretf_tools.view.axes_and_trail import axes, Display, fading, lines, Trail
+from puretf_tools.view.feed import BagFeed, Feed, Publication
 from puretf_tools.view.placement import FrameWatcher
 
 S = 10**9
@@ -31,23 +31,6 @@ def clock(monkeypatch):
     now = [1000.0]
     monkeypatch.setattr(feed_module, 'monotonic', lambda: now[0])
     return now
-
-
-class HandPublisher:
-    """The names of the frames that are published by hand, and of those that are stopped."""
-
-    def __init__(self):
-        """Start with none."""
-        self.sent, self.stopped = [], []
-
-    def send(self, transform, _):
-        """Publish a frame."""
-        self.sent.append(transform.child_frame_id)
-        return ''
-
-    def stop(self, name):
-        """Stop publishing a frame."""
-        self.stopped.append(name)
 
 
 def arm(buffer, stamp, *names):
@@ -162,6 +145,8 @@ def test_frames_with_new_names_do_not_fill_the_page(clock):
 def test_at_most_2000_frames():
     """Those of the fixed frame's tree that came first are shown, each with its ancestors."""
     pytest.importorskip('viser')
+    from viewer import StubFeed
+
     from puretf_tools.view.details import overview
     buffer = chain('world', 'tree')
     arm(buffer, T, 'map', 'base', 'arm', 'hand')
@@ -173,16 +158,12 @@ def test_at_most_2000_frames():
                                  *(f'object_{i}' for i in range(1996))}
     assert {*placement.left_out} == {'world', 'tree', 'late',
                                     *(f'object_{i}' for i in range(1996, 3000))}
-    text = overview(placement, live(buffer))
+    text = overview(placement, StubFeed(buffer))
     assert 'only 2000 of 3007 frames are shown, not: ' in text
     assert ' and 1002 more<' in text
     placement = FrameWatcher(buffer).placement('tree')
     assert {'world', 'tree', 'map', 'object_1993'} < {*placement.names}
     assert len(placement.names) == 2000
-    deep = TransformBuffer()
-    for i in range(2500):  # the deepest frame comes first
-        deep.insert(T, f'f{2500 - i - 1}', f'f{2500 - i}', pose(0.0), is_static=True)
-    assert {*FrameWatcher(deep).placement().names} == {f'f{i}' for i in range(2000)}
 
 
 def test_ages(clock):
@@ -306,15 +287,6 @@ def test_axes_and_lines():
     assert (colours[:, 0] != colours[:, 1]).any(axis=1).all()
 
 
-def test_numbers_that_need_few_bytes():
-    """They differ by less than can be seen, and noise of float64 does not change them."""
-    values = np.random.default_rng(1).uniform(-10.0, 10.0, (100, 3))
-    found = rounded(values)
-    assert np.abs(found - values).max() < 1e-4
-    assert (rounded(found + 1e-12) == found).all()
-    assert (found.astype(np.float32) == found).all()
-
-
 def test_fading_as_in_rviz(clock):
     """Of the timeout a frame keeps its colour for a third, turns grey, and then vanishes."""
     watcher, found = FrameWatcher(chain('map', 'base'), lambda: clock[0]), []
@@ -330,164 +302,75 @@ def test_fading_as_in_rviz(clock):
 
 def test_a_trail():
     """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
-    pytest.importorskip('viser')
-    from puretf_tools.view.axes_and_trail import Trail
-
-    def whole(pieces):
-        assert [*pieces] == sorted(pieces)
-        return np.concatenate([*pieces.values()])
-
     buffer = TransformBuffer(60 * S)
     often, seldom = Trail(buffer), Trail(buffer)
     pieces = often.draw('map', 'hand', 0, np.zeros(3))
     grown = []
     for i in range(3001):
-        buffer.insert(T + i * S // 100, 'map', 'hand', pose(i / 100, 1.0))
+        point = np.array([i / 100, 1.0, 0.0])
+        buffer.insert(T + i * S // 100, 'map', 'hand', pose(*point))
         if i % 3 == 0:
-            before, pieces = pieces, often.draw(
-                'map', 'hand', T + i * S // 100, np.array([i / 100, 1.0, 0.0]))
+            before, pieces = pieces, often.draw('map', 'hand', T + i * S // 100, point)
             grown.append(sum(number in before and not np.array_equal(before[number], lines)
                              for number, lines in pieces.items()))
     assert max(grown) == 1
-    for trail in map(whole, (pieces, seldom.draw(
-            'map', 'hand', T + 30 * S, np.array([30.0, 1.0, 0.0])))):
+    assert [*pieces] == sorted(pieces)
+    for drawn in pieces, seldom.draw('map', 'hand', T + 30 * S, point):
+        trail = np.concatenate([*drawn.values()])
         assert trail.shape[0] > 300
         assert (trail[1:, 0] == trail[:-1, 1]).all()
         assert 10.0 <= trail[0, 0, 0] < 10.1
         assert trail[-1, 1].tolist() == [30.0, 1.0, 0.0]
         assert np.ptp(trail[..., 1]) == 0.0
         assert np.diff(trail[:, 0, 0]).max() < 0.1
-    back = whole(often.draw('hand', 'map', T + 30 * S, np.array([-30.0, -1.0, 0.0])))
-    assert back[-1, 1].tolist() == [-30.0, -1.0, 0.0]
-    back = whole(often.draw('map', 'hand', T + S, np.array([1.0, 1.0, 0.0])))
-    assert back[-1, 1].tolist() == [1, 1, 0]
+    # In another frame, or when time is set back, it begins again.
+    for target, frame, second in ('hand', 'map', 30), ('map', 'hand', 1):
+        point = np.array([second, 1.0, 0.0]) * (1.0 if frame == 'hand' else -1.0)
+        *_, last = often.draw(target, frame, T + second * S, point).values()
+        assert last[-1, 1].tolist() == point.tolist()
     assert not len(often.draw('map', 'still', 0, np.zeros(3)))
-
-
-def test_a_player(clock):
-    """The player follows the clock, pauses, seeks, and starts again after the end."""
-    buffer = TransformBuffer(10**18)
-    for second in 0, 4:
-        arm(buffer, T + second * S, 'map', 'base')
-    player = Player(buffer.frames())
-    assert player.length == 4.0
-    clock[0] += 1.5
-    player.advance(True)
-    assert (player.position, player.time) == (1.5, T + 3 * S // 2)
-    clock[0] += 1.0
-    player.advance(False)
-    assert player.position == 1.5
-    player.seek(T + 39 * S // 10)
-    clock[0] += 1.0
-    player.advance(True)
-    assert player.position == 4.0
-    player.advance(True)
-    assert player.position == 0.0
-    player.seek(T + 99 * S)
-    assert player.time == T + 4 * S
-    still = Player([])
-    still.advance(True)
-    assert (still.length, still.time) == (0.0, 1)
-
-
-class StubFeed(Feed):
-    """A feed with the same facts about every frame."""
-
-    name, hint = '/tf', 'other <topics>'
-
-    def __init__(self, buffer, publication):
-        """Create a feed of a buffer, with the facts about its frames."""
-        self.buffer, self._publication = buffer, publication
-
-    def publication(self, frame):
-        """Return the facts, whatever the frame is."""
-        return self._publication
-
-    def why_no_frames(self):
-        """Return a reason."""
-        return 'because'
 
 
 def test_texts():
     """Names cannot inject HTML, and problems are reported."""
     pytest.importorskip('viser')
+    from viewer import StubFeed
+
     from puretf_tools.view.details import details, overview
     buffer = TransformBuffer()
     feed = StubFeed(buffer, Publication(50.04, 0.00123, '/<i>'))
     assert 'no frames yet. because' in overview(FrameWatcher(buffer).placement(), feed)
-    arm(buffer, T, 'map', '<script>', 'b')
-    arm(buffer, T, 'x\n', 'y', 'x\n')
-    arm(buffer, T, 'w"orld', 'tree')
+    for tree in ('map', '<script>', 'b'), ('x\n', 'y', 'x\n'), ('w"orld', 'tree'):
+        arm(buffer, T, *tree)
     placement = FrameWatcher(buffer).placement()
-    text = overview(placement, feed)
-    assert '>5 frames<' in text
-    assert 'not connected to map: w&quot;orld' in text
-    assert 'in a loop: ' in text
-    assert 'other &lt;topics&gt;' in text
-    assert '→ x\\n' in text
-    text = details(placement, 'b', feed, feed.buffer)
-    assert '<b data-value="parent">&lt;script&gt;</b>' in text
-    assert '<td data-value="rate">50.0 Hz</td>' in text
-    assert '<td data-value="delay">1.23 ms</td>' in text
-    assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
-    assert f'{T // S}.000000000 s' in text
+    text = overview(placement, feed, fixed='<b>')
+    for part in ('>5 frames<', 'not connected to map: w&quot;orld', 'in a loop: ', '→ x\\n',
+                 'other &lt;topics&gt;', 'the fixed frame &lt;b&gt; is not available'):
+        assert part in text
+    text = details(placement, 'b', feed, buffer)
+    for part in ('<b data-value="parent">&lt;script&gt;</b>', '"rate">50.0 Hz</td>',
+                 '"delay">1.23 ms</td>', '"publisher">/&lt;i&gt;</td>', f'{T // S}.000000000 s'):
+        assert part in text
     assert 'data-value="why">' not in text
-    assert 'Could not find a connection' in details(placement, 'tree', feed, feed.buffer)
-    buffer.clear()
-    text = details(placement, 'b', feed, feed.buffer)  # as after a jump of time or a long pause
-    assert 'parent' in text
-    assert 'nan' not in text
-    assert 'the fixed frame &lt;b&gt; is not available' in overview(placement, feed, fixed='<b>')
-    assert '&lt;i&gt; is not available.' in details(placement, '<i>', feed, feed.buffer)
-    assert 'Click a frame' in details(placement, '', feed, feed.buffer)
-    text = details(placement, 'map', feed, feed.buffer)
+    assert 'Could not find a connection' in details(placement, 'tree', feed, buffer)
+    text = details(placement, 'map', feed, buffer)
     assert 'no parent: this is a root' in text
     assert '<b data-value="fixed">map</b>' in text
-
-
-def test_a_stray_stamp_does_not_stretch_a_bag():
-    """A node may have published before its clock was set."""
-    buffer = TransformBuffer(10**19)
-    arm(buffer, T, 'map', 'base')
-    arm(buffer, T + 4 * S, 'map', 'base')
-    arm(buffer, 5 * S, 'map', 'stray')
-    for child, stamp in ('zero', 0), ('other', T + S):
-        arm(buffer, stamp, 'map', child)
-    player = Player(buffer.frames())
-    assert (player.time, player.length) == (T, 4.0)
+    buffer.clear()
+    text = details(placement, 'b', feed, buffer)  # as after a jump of time or a long pause
+    assert 'parent' in text
+    assert 'nan' not in text
+    assert '&lt;i&gt; is not available.' in details(placement, '<i>', feed, buffer)
 
 
 @pytest.fixture
 def page(clock):
-    """A function that creates the page of a feed and a viewer of it: `page(feed)`."""
+    """A function that creates the page of a feed or a buffer, and a viewer of it."""
     pytest.importorskip('viser')
-    from viewer import Page
+    from viewer import Page, StubFeed
     with ExitStack() as stack:
-        yield lambda feed, **options: Page(feed, clock, stack, **options)
-
-
-def live(buffer):
-    """Return a feed of a buffer of which nothing else is known."""
-    return StubFeed(buffer, Publication(None, None, ''))
-
-
-def test_a_page_of_what_is_static_or_odd(page, clock):
-    """Odd names, numbers and stamps, loops and a cleared buffer raise no error."""
-    buffer = TransformBuffer()
-    shown = page(live(buffer))
-    buffer.insert(0, 'map', 'base', pose(1.0), is_static=True)
-    for parent, child, x in (('//map', 'bad', 1.0), ('map', 'far', float('inf')), ('a', 'b', 1.0),
-                             ('b', 'a', 1.0), ('c', 'zero', 1.0)):
-        buffer.insert(0 if child == 'zero' else T, parent, child, pose(x))
-    for _ in range(3):
-        shown.step()
-        clock[0] += 1.0  # so that the cameras are turned
-    buffer.clear()
-    shown.step()
-    buffer.insert(1, 'map', 'early', pose(1.0))
-    for i in range(5):
-        buffer.insert(1 + i * S // 30, 'map', 'early', pose(1.0))
-        shown.step()
+        yield lambda shown, **options: Page(
+            shown if isinstance(shown, Feed) else StubFeed(shown), clock, stack, **options)
 
 
 @pytest.mark.filterwarnings('error')
@@ -501,7 +384,7 @@ def test_a_page_of_what_is_far(page, place):
         buffer.insert(T, parent, f'{parent} far', pose(*place))
     for stamp in T, T + S:
         arm(buffer, stamp, 'map far', 'tip')
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer, camera = shown.viewer, shown.server.initial_camera
     for fixed in '(automatic)', 'map far':
         shown.set('Fixed frame', fixed)
@@ -519,7 +402,7 @@ def test_a_page_of_what_is_far(page, place):
 def test_trees_that_change(page):
     """All roots are shown; frames appear, and move when they get another parent."""
     buffer = TransformBuffer()
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: 'no frames yet. because' in viewer.text('overview'))
     for parent, child, x in ('map', 'odom', 1.0), ('map', 'left', 4.0), ('odom', 'base', 1.0):
@@ -528,7 +411,7 @@ def test_trees_that_change(page):
         'map': [0, 0, 0], 'odom': [1, 0, 0], 'left': [4, 0, 0], 'base': [2, 0, 0]})
     shown.until(lambda: {*viewer.get('Frame', 'options')} == {
         '(none)', 'map', 'odom', 'left', 'base'})
-    buffer.insert(T, 'world', 'tree', pose(1.0))
+    arm(buffer, T, 'world', 'tree')
     shown.until(lambda: viewer.names().get('tree') == [1, -2, 0])
     shown.until(lambda: 'not connected to map: world' in viewer.text('overview'))
     shown.set('Frame', 'tree')
@@ -540,10 +423,6 @@ def test_trees_that_change(page):
     shown.until(lambda: viewer.names().get('base') == [5, 0, 0])
     shown.set('Fixed frame', 'left')
     shown.until(lambda: viewer.names().get('map') == [-4, 0, 0])
-    shown.set('Axis length (m)', 0.5)
-    shown.until(lambda: viewer.nodes['/world/frames'].get('axes_length') == 0.5)
-    shown.set('Show names', False)
-    shown.until(lambda: not viewer.names())
 
 
 COLOURS = {(30, 115, 55): 'green', (133, 100, 0): 'yellow', (176, 72, 0): 'orange',
@@ -596,7 +475,7 @@ def tree(page):
     for i in range(11):
         arm(buffer, T + i * S // 10, 'odom', 'base', 'hand')
         arm(buffer, T + i * S // 10, 'map', 'other')
-    shown = page(live(buffer))
+    shown = page(buffer)
     shown.until(lambda: len(rows(shown.viewer)) == 5)
     return shown, FrameWatcher(buffer).placement()
 
@@ -652,17 +531,6 @@ def test_words_that_are_searched_for(text, found):
     assert [name for name in names if has_words(name, words_of(text))] == found.split()
 
 
-def test_a_stored_regular_expression(page):
-    """It is taken as words, and stops the page for nobody."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'a' * 40)
-    shown = page(live(buffer), storage={'/tf 0': json.dumps({'Exclude': r'(\w+)+!'})})
-    shown.until(lambda: shown.viewer.value('Exclude') == r'(\w+)+!')
-    shown.until(lambda: len(shown.viewer.names()) == 2)
-    shown.set('Exclude', 'A')
-    shown.until(lambda: not shown.viewer.names())
-
-
 def test_frames_are_hidden(tree):
     """By the bar, alone or with their branches, or by filters; their bodies are not."""
     shown, placement = tree
@@ -694,7 +562,7 @@ def test_a_tree_of_many_frames(page):
     buffer = TransformBuffer()
     for i in range(210):
         buffer.insert(T, 'map', f'post_{i:03}', pose(i), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: '211 of 211 frames; 11 more have no row: search' in viewer.text('tree'))
     shown.until(lambda: len(rows(viewer)) == 200)
@@ -704,9 +572,7 @@ def test_a_tree_of_many_frames(page):
 
 def test_what_is_displayed(page, clock):
     """Axes, lines, names and the grid can be hidden; the timeout and the view be chosen."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base', 'hand'))
     viewer = shown.viewer
     shown.until(lambda: '/world/frames' in viewer.nodes and len(viewer.names()) == 3)
     shown.set('Axes', False)
@@ -736,7 +602,7 @@ def test_the_camera_moves_to_frames(page):
     from viewer import CAMERA
     buffer = TransformBuffer()
     arm(buffer, T, 'map', 'base', 'hand', 'tip')  # 1 m apart, along x
-    shown = page(live(buffer))
+    shown = page(buffer)
 
     def camera():
         target, position = (shown.viewer.last.get(f'SetCamera{name}Message', {}).get(key) for
@@ -766,7 +632,7 @@ def test_the_camera_and_a_frame_that_is_far(page, fixed):
     buffer = earth('utm')
     for i in range(40):
         buffer.insert(T + i * S // 10, 'map', 'base', pose(i / 10))
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.set('Fixed frame', fixed)
     shown.until(lambda: 'more than 1,000,000 m away, not drawn: utm<' in viewer.text('overview'))
@@ -803,7 +669,7 @@ def test_follow(page, with_yaw):
         buffer.insert(T + round(second * S), 'base', 'front', pose(1.0))
 
     drive(0)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: viewer.names().get('front') == [1, 0, pytest.approx(0.1, abs=1e-4)])
     shown.set('Follow', 'base')
@@ -842,7 +708,7 @@ def test_follow(page, with_yaw):
 def test_a_new_origin(page, follow):
     """A robot drives far away: in the scene it goes on, or stays if it is followed."""
     buffer = earth('utm')
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.set('Fixed frame', 'utm')
     shown.set('Follow', follow)
@@ -865,7 +731,7 @@ def test_the_first_camera(page, clock):
     from viewer import CAMERA
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'base', pose(0.0), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: 0.0 < viewer.distance() < 4.0)
     for second in range(1, 5):
@@ -896,7 +762,7 @@ def test_a_late_report_of_the_camera(page, clock):
     from viewer import CAMERA
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'base', pose(0.0), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer, before = shown.viewer, CAMERA['position']
     shown.until(viewer.distance)
     for x, seconds in (10.0, 1.0), (20.0, 4.0):
@@ -914,40 +780,9 @@ def test_the_first_camera_shows_where_frames_have_been(page):
     buffer = TransformBuffer(40 * S)
     for second in range(41):
         buffer.insert(T + second * S, 'map', 'base', pose(-float(second) if second < 30 else 0.0))
-    shown = page(live(buffer))
+    shown = page(buffer)
     shown.until(lambda: shown.viewer.distance() > 40.0)
     assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] < -11.0
-
-
-def test_focus_without_frames(page):
-    """Nothing moves, and the viewer stays connected."""
-    shown = page(live(TransformBuffer()))
-    shown.until(lambda: 'no frames yet' in shown.viewer.text('overview'))
-    shown.viewer.set('View', 'all')
-    shown.viewer.press('F')
-    shown.viewer.set('Dark', True)
-    shown.until(lambda: shown.viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
-
-
-def test_focus_on_frames_that_are_drawn(page, clock):
-    """With a longer timeout, also on one that has had no new transform for long."""
-    buffer = TransformBuffer()
-    buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
-    buffer.insert(T, 'base', 'hand', pose(10.0))
-    shown = page(live(buffer))
-    shown.until(lambda: len(shown.viewer.names()) == 3)
-
-    def middle():
-        return shown.viewer.last.get('SetCameraLookAtMessage', {}).get('look_at', [0.0])[0]
-
-    clock[0] += 20.0
-    shown.until(lambda: len(shown.viewer.names()) == 2)
-    shown.viewer.set('View', 'all')
-    shown.until(lambda: 0.0 < middle() < 2.0)
-    shown.set('Frame timeout (s)', 60.0)
-    shown.until(lambda: len(shown.viewer.names()) == 3)
-    shown.viewer.set('View', 'all')
-    shown.until(lambda: middle() > 5.0)
 
 
 def test_names_that_would_cover_others(page):
@@ -956,7 +791,7 @@ def test_names_that_would_cover_others(page):
     buffer = TransformBuffer()
     for i in range(4):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0, 0.1 + 0.06 * i), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     shown.until(lambda: len(shown.viewer.names()) == 5)
     shown.viewer.send({**CAMERA, 'position': [3.0, 0.0, 0.0], 'wxyz': [0.5, 0.5, -0.5, -0.5],
                        'image_width': 800, 'image_height': 600})
@@ -973,7 +808,7 @@ def test_a_name_that_is_shared(page, fixed):
     buffer = TransformBuffer()
     for parent, child, x in ('map', 'base', 0.0), ('base', 'foot', 0.01), ('foot', 'tip', 1.0):
         buffer.insert(T, parent, child, pose(x), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     shown.set('Fixed frame', fixed)
     shown.until(lambda: shown.viewer.names().keys() == {'map, base and 1 more', 'tip'})
     shown.set('Exclude', 'map')
@@ -983,9 +818,7 @@ def test_a_name_that_is_shared(page, fixed):
 def test_each_viewer_has_settings_of_its_own(page):
     """Another fixed frame, other sizes; the other viewer sees nothing of it."""
     from viewer import Viewer
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base', 'hand'))
     other = Viewer(shown.server.get_port())
     other.until(lambda: '/world/frames' in other.nodes, shown.update)
     shown.set('Fixed frame', 'base')
@@ -1023,11 +856,7 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
 
     for name in 'add_checkbox', 'add_dropdown', 'add_slider':
         monkeypatch.setattr(viser.GuiApi, name, before(getattr(viser.GuiApi, name)))
-    buffer, publisher = TransformBuffer(), HandPublisher()
-    arm(buffer, T, 'map', 'base')
-    feed = live(buffer)
-    feed.hand_publisher = publisher
-    shown = page(feed)
+    shown = page(chain('map', 'base'))
     viewer = shown.viewer
     shown.set('New frame', 'hand')
     values = {'Frame': 'map', 'Fixed frame': 'base', 'Show names': False,
@@ -1037,7 +866,7 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
         viewer.until(lambda: not any(each.pace.is_waiting for each in shown.view.viewers.values()))
         viewer.set(label, value)
         viewer.until(lambda: label in done)  # noqa: B023
-    shown.until(lambda: publisher.sent == ['hand'])
+    shown.until(lambda: [each.child_frame_id for each in shown.feed.sent] == ['hand'])
     assert viewer.value('Publish')
     shown.set('New frame', 'other')
     shown.until(lambda: not viewer.value('Publish'))  # what was sent before has arrived, too
@@ -1047,20 +876,17 @@ def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
 def test_a_viewer_that_leaves_publishes_no_more(page):
     """The frame placed by hand is stopped."""
     from viewer import Viewer
-    buffer, publisher = TransformBuffer(), HandPublisher()
-    arm(buffer, T, 'map', 'base')
-    feed = live(buffer)
-    feed.hand_publisher = publisher
-    shown = page(feed)
+    shown = page(chain('map', 'base'))
+    feed = shown.feed
     other = Viewer(shown.server.get_port())
     other.until(lambda: 'Publish' in {
         props.get('label') for props in other.gui.values()}, shown.update)
     other.set('New frame', 'hand')
     other.set('Publish', True)
-    other.until(lambda: publisher.sent == ['hand'], shown.update)
-    assert not publisher.stopped
+    other.until(lambda: feed.sent, shown.update)
+    assert not feed.stopped
     other.close()
-    shown.until(lambda: publisher.stopped == ['hand'])
+    shown.until(lambda: feed.stopped == ['hand'])
 
 
 def test_a_live_page_looks_back(page):
@@ -1068,7 +894,7 @@ def test_a_live_page_looks_back(page):
     buffer = TransformBuffer(40 * S)
     for second in range(11):
         buffer.insert(T + second * S, 'map', 'base', pose(second))
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
     shown.set('Pause', True)
@@ -1094,7 +920,7 @@ def test_silences_are_remembered_while_viewers_look_back(page, clock):
     buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
     for second in range(2):
         buffer.insert(T + second * S, 'base', 'hand', pose(1.0))
-    shown = page(live(buffer))
+    shown = page(buffer)
     shown.until(lambda: len(shown.viewer.names()) == 3)
     shown.set('Pause', True)
     shown.update()
@@ -1111,7 +937,7 @@ def test_frames_that_fade_and_return(page, clock):
     """They turn grey, and vanish with their names and the trail, until they move again."""
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     for stamp in T, T + S // 2:
         arm(buffer, stamp, 'base', 'hand')
@@ -1138,24 +964,6 @@ def test_frames_that_fade_and_return(page, clock):
     assert viewer.nodes['/world/lines']['colors'].tolist() == coloured
 
 
-def test_a_page_that_stands_still(page):
-    """A paused page keeps its data, also after the buffer has dropped them."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
-    viewer = shown.viewer
-    shown.until(lambda: viewer.detail('parent') == 'base')
-    shown.set('Pause', True)
-    shown.set('Frame', 'base')
-    shown.until(lambda: viewer.detail('parent') == 'map')
-    arm(buffer, T + 100 * S, 'map', 'base', 'hand')
-    shown.set('Frame', 'hand')
-    shown.until(lambda: viewer.detail('parent') == 'base')
-    assert viewer.detail('fixed-time') == f'{T // S}.000000000 s'
-    shown.set('Pause', False)
-    shown.until(lambda: viewer.detail('fixed-time') == f'{T // S + 100}.000000000 s')
-
-
 def test_a_long_pause(page, clock):
     """The last 20 s stay, also for another fixed frame and the pair; and so do the choices."""
     buffer = TransformBuffer(40 * S)
@@ -1166,7 +974,7 @@ def test_a_long_pause(page, clock):
             buffer.insert(T + second * S, 'base', 'hand', pose(1.0))
 
     pass_by(0, 31)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: viewer.names().get('hand') == [31, 0, 0])
     choices = [(label, viewer.value(label)) for label in ('Frame', 'Trail of', 'Fixed frame')]
@@ -1196,7 +1004,7 @@ def test_a_default_of_static_frames(page, clock):
     """It is chosen again when the first dynamic frame appears, and then stays."""
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'post', pose(1.0), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: viewer.value('Frame') == 'post')
     clock[0] += 10.0
@@ -1212,9 +1020,8 @@ def test_a_default_of_static_frames(page, clock):
 
 def test_what_is_chosen_stays(page):
     """A choice outlasts new proposals, even while the chosen frame does not exist."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
+    buffer = chain('map', 'base', 'hand')
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: viewer.value('Fixed frame') == 'map')  # proposed
     shown.set('Fixed frame', 'base')
@@ -1234,7 +1041,7 @@ def test_what_is_chosen_stays(page):
 def test_the_fixed_frame_of_a_page_that_nobody_has_chosen(page, clock):
     """It changes by itself: when a better one appears, and when it is dead."""
     buffer = chain('base_lnk', 'laser', 'tip')
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
 
     def options():
@@ -1263,7 +1070,7 @@ def test_many_names_are_sent_seldom(page, clock):
     buffer = TransformBuffer()
     for i in range(1000):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0), is_static=True)
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: '/world/frames' in viewer.nodes)
 
@@ -1280,28 +1087,26 @@ def test_many_names_are_sent_seldom(page, clock):
 def test_a_name_keeps_its_label(page, clock):
     """So that only what changes is sent when a frame in between appears or leaves."""
     buffer = TransformBuffer()
-    places = {'first': 1.0, 'second': 2.0, 'third': 3.0, 'fourth': 4.0}
 
-    def insert(stamp, *children):
-        for child in children:
-            buffer.insert(stamp, 'map', child, pose(0.0, 0.0, places[child]))
+    def insert(stamp, **heights):
+        for child, z in heights.items():
+            buffer.insert(stamp, 'map', child, pose(0.0, 0.0, z))
 
-    insert(T, 'first', 'second', 'third')
-    shown = page(live(buffer))
-    viewer = shown.viewer
+    insert(T, first=1.0, second=2.0, third=3.0)
+    shown = page(buffer)
 
     def labels():
-        return {node['text']: name for name, node in viewer.nodes.items()
+        return {node['text']: name for name, node in shown.viewer.nodes.items()
                 if name.startswith('/world/names/') and node.get('visible')}
 
     shown.until(lambda: len(labels()) == 4)
     before = labels()
-    clock[0] += 61.0
-    insert(T + S, 'first', 'third')
+    clock[0] += 16.0
+    insert(T + S, first=1.0, third=3.0)
     shown.until(lambda: labels().keys() == {'map', 'first', 'third'})
     after = labels()
     assert after.items() < before.items()
-    insert(T + S, 'fourth')
+    insert(T + S, fourth=4.0)
     shown.until(lambda: 'fourth' in labels())
     assert after.items() < labels().items()
     # The label of a frame that has left is not used for another one.
@@ -1311,9 +1116,7 @@ def test_a_name_keeps_its_label(page, clock):
 @pytest.mark.parametrize('what', ['axis', 'name'])
 def test_a_click_selects_a_frame(page, what):
     """On its axes, or on its name; a click beside them does not."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base', 'hand'))
     viewer = shown.viewer
     shown.until(lambda: len(viewer.names()) == 3)
     shown.until(lambda: viewer.detail('parent') == 'base')  # of hand
@@ -1341,6 +1144,7 @@ def test_a_bag_is_played(page, clock):
     shown = page(BagFeed(buffer, 'bag'))
     viewer = shown.viewer
     shown.until(lambda: '62 frames' in viewer.text('overview'))
+    assert viewer.last['SetGuiPanelLabelMessage']['label'] == 'bag'
     assert not viewer.names()
     assert not viewer.value('Show names')
     shown.set('Show names', True)
@@ -1368,9 +1172,7 @@ def json_of(viewer):
 def test_the_view_stays(page, clock):
     """What a viewer has set is stored in the browser; the next connection begins with it."""
     from viewer import Viewer
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base', 'hand'))
     viewer = shown.viewer
     shown.until(lambda: viewer.text('tree'))
     values = {'Frame': 'base', 'Fixed frame': 'base', 'Axis length (m)': 0.5, 'Grid': False,
@@ -1411,9 +1213,7 @@ def test_the_view_stays(page, clock):
      {'kind': 'split', 'side': 'below', 'anchor_uuid': 'viser-control-panel'})])
 def test_the_panels_stay(page, place, position):
     """Where the browser had them last; what cannot be a place is ignored."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer), storage={'panels': json.dumps({
+    shown = page(chain('map', 'base'), storage={'panels': json.dumps({
         'main': ['right', 0, 0, 400, False], 'tree': place, 'other': 1})})
     gui = shown.viewer.gui
 
@@ -1432,9 +1232,8 @@ def test_the_panels_stay(page, place, position):
 
 def test_a_view_is_copied_and_pasted(page):
     """As a line of JSON, also into the page of another one; what it does not say stays."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown, other = page(live(buffer)), page(live(buffer), view='{"Frame": "map", "Grid": false}')
+    buffer = chain('map', 'base', 'hand')
+    shown, other = page(buffer), page(buffer, view='{"Frame": "map", "Grid": false}')
     other.until(lambda: other.viewer.value('Frame') == 'map' and not other.viewer.value('Grid'))
     shown.set('Frame', 'base')
     shown.viewer.set('Copy view', True)
@@ -1452,18 +1251,16 @@ REFUSED = [
     ('nonsense', 'this is no view: copy the line'), ('[1]', 'this is no view'),
     ('[' * 5000, 'this is no view'), ('9' * 5000, 'this is no view'),
     *((f'{{"Axis length (m)": {value}}}', 'Axis length (m) must be a number from 0.02 to 2, got ')
-      for value in (f'1{"0" * 400}', '1e999', 'NaN', '-Infinity', '0', 'true', '"1"', 'null')),
+      for value in (f'1{"0" * 400}', '1e999', 'NaN', '0', 'true', '"1"', 'null')),
     ('{"Frame timeout (s)": 61}', 'Frame timeout (s) must be a number from 1 to 60, got 61'),
-    ('{"Opacity": NaN}', 'Opacity must be a number from 0.1 to 1, got NaN'),
     ('{"Axes": "yes"}', 'Axes must be true or false'),
-    *((f'{{"{name}": "\\ud800"}}', f'{name} must be ') for name in (
-        'Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B', 'Include', 'Exclude')),
+    ('{"Frame": "\\ud800"}', 'Frame must be '),
     (json.dumps({'Include': 'x' * 1025}), 'Include must be a text of at most 1024 bytes'),
-    *((f'{{"{name}": {value}}}', f'{name} must be a list of names') for name in (
-        'Hidden', 'Hidden branches', 'Folded') for value in ('[1]', '"a"', '["\\udcff"]')),
+    *((f'{{"Hidden": {value}}}', 'Hidden must be a list of names')
+      for value in ('[1]', '"a"', '["\\udcff"]')),
     ('{"Plot over": "x"}', 'Plot over must be one of 20 s, 2 min, whole bag'),
     *((f'{{"Camera": [0, 0, 1, 0, 0, 0, {value}]}}', 'Camera must be ') for value in (
-        'NaN', '0', '4', 'Infinity', 'null', '1, 1')),
+        'NaN', '0', '4', 'null', '1, 1')),
     ('{"Camera": [0, 0, 1e99, 0, 0, 0, 1]}', 'each number from -1e+12 to 1e+12')]
 
 
@@ -1483,9 +1280,7 @@ def test_a_view_that_is_refused(text, problem):
 def test_a_refused_view_of_a_viewer(page, is_kept):
     """Whether it is pasted or was kept: the page says why, goes on, and keeps a right one."""
     text, problem = '{"Frame": "map", "Axis length (m)": NaN}', 'from 0.02 to 2, got NaN'
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer), storage={'/tf 0': text} if is_kept else {})
+    shown = page(chain('map', 'base'), storage={'/tf 0': text} if is_kept else {})
     viewer = shown.viewer
     shown.until(viewer.names)
     if is_kept:
@@ -1503,18 +1298,14 @@ def test_a_refused_view_of_a_viewer(page, is_kept):
 
 def test_a_view_of_a_bag_in_a_live_page(page):
     """What only a bag can be plotted over is left as it was."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer), view='{"Plot over": "whole bag", "A": "map", "B": "base"}')
+    shown = page(chain('map', 'base'), view='{"Plot over": "whole bag", "A": "map", "B": "base"}')
     shown.until(lambda: '>1.000<' in shown.viewer.text('pair'))
     assert shown.viewer.value('Plot over') == '20 s'
 
 
 def test_a_view_that_is_too_long_to_come_back(page):
     """It is not stored: the browser could not send it, and nobody could load the page again."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base'))
     viewer = shown.viewer
     shown.until(viewer.names)
     hidden = ['é' * 400 + str(i) for i in range(60)]
@@ -1538,20 +1329,15 @@ def test_an_error_of_one_viewer(page, monkeypatch, logs):
     update = Pair.update
 
     def fail(pair, *args):
-        if pair.frames == ('map', 'base'):
+        if pair.frames[0] == 'map':
             raise OverflowError('too \x1b[2J large')
         update(pair, *args)
 
     monkeypatch.setattr(Pair, 'update', fail)
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base'))
     bad = Viewer(shown.server.get_port())
-    bad.until(lambda: {'A', 'B'} <= {props.get('label') for props in bad.gui.values()},
-              shown.update)
-    bad.until(lambda: 'base' in bad.get('B', 'options'), shown.update)
+    bad.until(lambda: 'map' in (bad.get('A', 'options') or ()), shown.update)
     bad.set('A', 'map')
-    bad.set('B', 'base')
     with pytest.raises(ConnectionClosed):
         bad.until(lambda: False, shown.update)
     record, = logs
@@ -1559,48 +1345,6 @@ def test_an_error_of_one_viewer(page, monkeypatch, logs):
     shown.set('Frame', 'map')
     shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
     shown.until(lambda: len(shown.view.viewers) == 1)
-
-
-@pytest.mark.parametrize(('label', 'typed', 'value'), [
-    ('Axis length (m)', 1e308, 2.0), ('Frame timeout (s)', -1, 1.0)])
-def test_numbers_beyond_the_range_of_a_slider(page, label, typed, value):
-    """A browser sends them while a viewer types; the nearest number of the range counts."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer))
-    shown.set(label, typed)
-    shown.clock[0] += 2.0
-    shown.until(lambda: json_of(shown.viewer).get(label) == value)
-
-
-def test_an_answer_of_the_storage_that_is_no_text(page):
-    """It ends the session of its viewer, and no other one."""
-    from viewer import Viewer
-    from websockets.exceptions import ConnectionClosed
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer))
-    bad = Viewer(shown.server.get_port())
-    bad.storage['/tf 0'] = []  # type: ignore[assignment]
-    with pytest.raises(ConnectionClosed):
-        bad.until(lambda: False, shown.update)
-    shown.set('Frame', 'map')
-    shown.until(lambda: 'this is a root' in shown.viewer.text('details'))
-
-
-def test_a_browser_that_stores_nothing(page):
-    """The page works, and says once that nothing is kept."""
-    from viewer import Viewer
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer))
-    other = Viewer(shown.server.get_port())
-    other.blocked = 'denied'
-    other.until(lambda: any('stores nothing' in str(props.get('body')) or 'store nothing' in str(
-        props.get('body')) for props in [*other.gui.values(), *other.last.values()]), shown.update)
-    other.until(other.names, shown.update)
-    assert not other.storage
-    other.close()
 
 
 def test_the_time_of_a_bag_stays(page, clock):
@@ -1615,9 +1359,7 @@ def test_the_time_of_a_bag_stays(page, clock):
 
 def test_the_pair(page):
     """A line connects its frames; buttons and Shift choose them."""
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base', 'hand'))
     viewer = shown.viewer
     shown.until(lambda: len(viewer.names()) == 3)
     shown.set('Frame', 'map')
@@ -1640,11 +1382,11 @@ def test_the_pair(page):
 
 
 def test_the_keys(page):
-    """P pauses, B and N step, A, F and T move the camera."""
+    """P pauses, B and N step, A, F and T move the camera; a button forgets the transforms."""
     buffer = TransformBuffer(40 * S)
     for second in range(11):
         buffer.insert(T + second * S // 10, 'map', 'base', pose(second))
-    shown = page(live(buffer))
+    shown = page(buffer)
     viewer = shown.viewer
     shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
     for key, x in ('B', 9), ('B', 8), ('N', 9), ('P', 10):
@@ -1655,6 +1397,8 @@ def test_the_keys(page):
         viewer.last.clear()
         viewer.press(key)
         shown.until(lambda: 'SetCameraPositionMessage' in viewer.last)
+    viewer.set('Transforms', 'reset')
+    shown.until(lambda: 'no frames yet' in viewer.text('overview'))
 
 
 @pytest.mark.parametrize('changes', [
@@ -1662,9 +1406,7 @@ def test_the_keys(page):
 def test_a_camera_that_cannot_be_turned(page, changes):
     """The page goes on, and the cameras of the others are turned."""
     from viewer import Viewer
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base')
-    shown = page(live(buffer))
+    shown = page(chain('map', 'base'))
     other = Viewer(shown.server.get_port(), **changes)
     shown.clock[0] += 2.0  # all cameras are turned
     # viser moves this point together with the position first.

@@ -41,24 +41,6 @@ def test_the_messages_that_are_allowed_exist(name):
         assert {*fields} == {'name', 'owner'} | pose
 
 
-def test_the_panel_has_the_name_of_what_is_shown():
-    """Before that, it has none."""
-    from puretf import TransformBuffer
-    from puretf_tools.view.feed import BagFeed
-    from puretf_tools.view.server import serve
-    from puretf_tools.view.view import View
-    with serve('127.0.0.1') as server:
-        buffer = server._websock_server._broadcast_buffer
-
-        def labels():
-            return [message.label for message in buffer.message_from_id.values()
-                    if isinstance(message, viser._messages.SetGuiPanelLabelMessage)]
-
-        assert labels() == [None]
-        View(BagFeed(TransformBuffer(), 'walk.mcap'), server)
-        assert labels() == ['walk.mcap']
-
-
 def test_a_pose_is_sent_by_two_messages():
     """Its setters send the same."""
     from puretf_tools.view.server import serve

