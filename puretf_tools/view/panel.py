@@ -20,8 +20,7 @@ from puretf_tools.view.playback import Playback
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.settings import Settings
-from puretf_tools.view.tree_and_findings import Findings, Tree
-from puretf_tools.view.words import has_words, words_of
+from puretf_tools.view.tree_and_findings import Findings, has_words, Tree, words_of
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0

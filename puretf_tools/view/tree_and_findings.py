@@ -1,6 +1,6 @@
 """The panel at the left: the tree of frames, and what `tf_doctor` finds wrong with them."""
 
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from math import inf
 from typing import Any
 
@@ -15,7 +15,6 @@ from puretf_tools.view.controls import change, html, Row, Rows
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.settings import Settings
-from puretf_tools.view.words import has_words, words_of
 
 #: The largest number of rows, and the time between two updates (s).
 _ROWS, _PERIOD = 200, 0.5
@@ -23,6 +22,8 @@ _ROWS, _PERIOD = 200, 0.5
 #: has a contrast of more than 5:1.
 _COLOURS = (30, 115, 55), (176, 72, 0), (95, 100, 105)
 _STATIC, _HIDDEN = (28, 100, 190), (60, 60, 65)
+#: Words behind this many characters of a text do not count, so that each search takes little time.
+_LONGEST_TEXT = 1024
 _SELECTED = ' ◀'
 #: The number of characters of a name in a row, and in the bar; the number of levels that are
 #: indented.
@@ -162,3 +163,19 @@ class Findings:
         time = f'{(finding.time - player.begin) / SECOND:+.2f} s: ' if player and (
             player.begin <= finding.time <= player.end) else ''
         return f'{time}{finding.code}: {names}'
+
+
+def words_of(text: str) -> list[str]:
+    """Return the words of a text; a hyphen alone is no word yet."""
+    return [word for word in text[:_LONGEST_TEXT].casefold().split() if word != '-']
+
+
+def has_words(name: str, words: Iterable[str]) -> bool:
+    """
+    Return whether a name has all words, in any case, and none of those behind a hyphen.
+
+    >>> [has_words(name, words_of('WHEEL -left')) for name in ('right_wheel', 'left_wheel')]
+    [True, False]
+    """
+    name = name.casefold()
+    return all(word[1:] not in name if word.startswith('-') else word in name for word in words)

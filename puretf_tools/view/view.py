@@ -124,7 +124,7 @@ class View:
         """Return where the frames go in a bag, or have been in the last seconds: (n, 3) (m)."""
         if player := self._feed.player:
             return self._places(player.begin, player.end)
-        end = max([1, *(frame.latest for frame in self._feed.buffer.frames())])
+        end = max(1, _newest(self._feed.buffer))
         return self._places(max(1, end - 2 * LENGTH * SECOND), end)
 
     def _places_between(self, begin: int, end: int) -> NDArray[np.float64]:
@@ -132,6 +132,11 @@ class View:
             [name not in placement.far for name in placement.names]] for placement in (
                 self._watcher.placement('', time) for time in np.linspace(
                     begin, end, _MOMENTS).astype(np.int64).tolist())])
+
+
+def _newest(buffer: AnyBuffer) -> int:
+    """Return the newest stamp of a dynamic frame (ns); 0: there is none."""
+    return max((frame.latest for frame in buffer.frames()), default=0)
 
 
 class Viewer:
@@ -184,9 +189,8 @@ class Viewer:
         if not panel.is_paused and self._place_paused:
             self._use(self._feed.buffer)
             self._place_paused = None
-        if panel.is_paused and not self._place_paused and (
-                self._placement and self._placement.names):
-            self._paused_at = max(self._placement.stamps)
+        if panel.is_paused and not self._place_paused and (newest := _newest(self._feed.buffer)):
+            self._paused_at = newest
             copy = TransformBuffer.copy_of(
                 self._feed.buffer, max(1, self._paused_at - LENGTH * SECOND))
             self._use(copy)

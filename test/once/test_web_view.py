@@ -21,12 +21,7 @@ def test_the_body_of_the_arm_in_a_browser(start, browse, tmp_path):
     """Its links are drawn at their frames, and move; the checkbox hides them."""
     start(*ARM)
     view = start(*tool('web_view'))
-    page = browse(view)
-    look_at_the_body(page, tmp_path / 'body.png')
-
-
-def look_at_the_body(page, picture):
-    """Look where the links are, and at the colours of the page."""
+    page, picture = browse(view), tmp_path / 'body.png'
     scene = page.until(lambda: len((scene := page.scene_with(*FRAMES)).bodies) == 5 and scene)
     hand = scene.bodies[-1]
     page.until(lambda: np.linalg.norm(page.scene().bodies[-1] - hand) > 0.05)

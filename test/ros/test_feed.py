@@ -10,15 +10,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
 from puretf import TFMessage, TransformBroadcaster
-from puretf._ros import topic_watch
 from puretf_tools.robot import descriptions
 from puretf_tools.view.feed import LiveFeed, Publication
-
-
-@pytest.fixture(autouse=True)
-def often(monkeypatch):
-    """Let topics be searched for twenty times a second."""
-    monkeypatch.setattr(topic_watch, '_SCAN_INTERVAL', 0.05)
 
 
 @pytest.fixture
