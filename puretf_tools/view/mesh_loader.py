@@ -34,7 +34,7 @@ MAX_BYTES, MAX_FACES = 50_000_000, 2_000_000
 #: The longest time (s) and the largest address space (bytes) in which a mesh is loaded.
 _SECONDS, _MEMORY = 20, 2 * 2**30
 _LFS = b'version https://git-lfs.github.com/spec/'
-_TOO_MUCH = 'it takes more than {} s or 2 GB: simplify it, or export it again'
+_REMEDY = 'simplify it, or export it again'
 
 
 class MeshError(Exception):
@@ -74,8 +74,10 @@ def load(path: Path, seconds: int = _SECONDS) -> Mesh:
         except (EOFError, OSError, pickle.UnpicklingError):
             _process.kill()
             _process.communicate()
-            _process = None
-            raise MeshError(_TOO_MUCH.format(seconds)) from None
+            code, _process = _process.returncode, None
+            why = f'takes more than {seconds} s' if code == -signal.SIGALRM else (
+                f'ends the process that loads it ({code})')
+            raise MeshError(f'it {why}: {_REMEDY}') from None
     if isinstance(found, str):
         raise MeshError(found)
     return Mesh(*found)
@@ -105,7 +107,7 @@ def serve() -> None:
         except MeshError as error:
             found = str(error)
         except MemoryError:
-            found = _TOO_MUCH.format(seconds)
+            found = f'it takes more than {_MEMORY // 2**30} GB: {_REMEDY}'
         signal.alarm(0)
         pickle.dump(found, output)
         output.flush()

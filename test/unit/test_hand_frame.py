@@ -154,6 +154,7 @@ def test_frames_that_cannot_be_published(page, name, parent, problem):
     page.viewer.set('New frame', name)
     page.viewer.set('Parent', parent)
     page.until(lambda: problem in text(page, 'hand'))
+    page.until(lambda: page.viewer.nodes[HANDLES]['visible'] == (parent in ('map', 'base')))
     assert not text(page, 'command')
     page.viewer.set('Publish', True)
     page.until(lambda: 'not published' in text(page, 'hand'))

@@ -665,7 +665,7 @@ def test_follow(page, with_yaw):
     buffer = TransformBuffer()
 
     def drive(second):
-        angle = 0.2 * second
+        angle = 0.5 + 0.2 * second
         buffer.insert(T + round(second * S), 'map', 'base', pose(
             second, 2.0 * second, 0.1, (0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2))))
         buffer.insert(T + round(second * S), 'base', 'front', pose(1.0))
@@ -673,12 +673,12 @@ def test_follow(page, with_yaw):
     drive(0)
     shown = page(buffer)
     viewer = shown.viewer
-    shown.until(lambda: viewer.names().get('front') == [1, 0, pytest.approx(0.1, abs=1e-4)])
+    shown.until(lambda: 'front' in viewer.names())
+    shown.step()
+    first = {name: place_in_scene(viewer, name) for name in ('base', 'front')}
     shown.set('Follow', 'base')
     shown.set('Follow its yaw', with_yaw)
     shown.until(lambda: viewer.nodes['/world']['type'] == 'SetOrientationMessage')
-    shown.step()
-    first = {name: place_in_scene(viewer, name) for name in ('base', 'front')}
     for second in range(1, 6):
         drive(second)
         if second == 4:
@@ -697,7 +697,7 @@ def test_follow(page, with_yaw):
             assert places['front'] == pytest.approx(first['front'], abs=1e-3)
         else:
             assert places['front'] - places['base'] == pytest.approx(
-                [np.cos(0.2 * second), np.sin(0.2 * second), 0.0], abs=1e-3)
+                [np.cos(0.5 + 0.2 * second), np.sin(0.5 + 0.2 * second), 0.0], abs=1e-3)
     shown.set('Follow', '(none)')
     drive(6)
     shown.until(lambda: viewer.names()['base'][:2] == [6, 12])
