@@ -1,7 +1,7 @@
 """The frames at one time: the position and the parent of each in the scene, and its age."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import takewhile
 from time import monotonic
 from typing import NamedTuple, Optional
@@ -91,11 +91,7 @@ class FrameWatcher:
             root_of = {name: root for name, root in root_of.items()
                        if root not in known or root in moving}
             if fixed not in root_of:
-                # Between trees of the same size, the name decides, and not what came first.
-                sizes = Counter(root_of.values())
-                fixed = min(root_of, default='', key=lambda name: (
-                    PREFERRED.index(name) if name in PREFERRED else len(PREFERRED),
-                    -sizes[name], name))
+                fixed = _proposed(root_of)
             shown = _first(alive, root_of, fixed)
             root = root_of.get(fixed, '')
             anchors = [fixed] * bool(fixed) + [
@@ -162,6 +158,14 @@ class FrameWatcher:
                 self._updates[name] = frame.latest, since if stamp == frame.latest else now
         return {name: now - self._updates[name][1] if name in self._updates else 0.0
                 for name in frames}
+
+
+def _proposed(root_of: Mapping[str, str]) -> str:
+    """Return a fixed frame; '' if there are no frames."""
+    # Between trees of the same size, the name decides, and not what came first.
+    sizes = Counter(root_of.values())
+    return min(root_of, default='', key=lambda name: (
+        PREFERRED.index(name) if name in PREFERRED else len(PREFERRED), -sizes[name], name))
 
 
 def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> Iterable[str]:
