@@ -13,7 +13,6 @@ from math import isfinite
 import os
 from pathlib import Path
 import pickle
-import resource
 import signal
 import subprocess
 import sys
@@ -75,7 +74,7 @@ def load(path: Path, seconds: int = _SECONDS) -> Mesh:
             _process.kill()
             _process.communicate()
             code, _process = _process.returncode, None
-            why = f'takes more than {seconds} s' if code == -signal.SIGALRM else (
+            why = f'takes more than {seconds} s' if code == -getattr(signal, 'SIGALRM', 0) else (
                 f'ends the process that loads it ({code})')
             raise MeshError(f'it {why}: {_REMEDY}') from None
     if isinstance(found, str):
@@ -98,17 +97,20 @@ def serve() -> None:
     output = os.fdopen(os.dup(1), 'wb')
     os.dup2(2, 1)  # libraries may print
     logging.getLogger('trimesh').setLevel(logging.CRITICAL)
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    alarm = getattr(signal, 'alarm', int)
+    with suppress(ImportError, ValueError):  # Windows has no limits, and macOS not this one
+        import resource
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     for line in sys.stdin:
         path, seconds = json.loads(line)
-        signal.alarm(seconds)  # which ends this process
+        alarm(seconds)  # which ends this process
         try:
             found: Any = tuple(_load(Path(path)))
         except MeshError as error:
             found = str(error)
         except MemoryError:
             found = f'it takes more than {_MEMORY // 2**30} GB: {_REMEDY}'
-        signal.alarm(0)
+        alarm(0)
         pickle.dump(found, output)
         output.flush()
 
