@@ -1,7 +1,10 @@
 # make demo, make test: all that a Linux x86-64 machine with Python 3.10 or later needs.
 
 PYTHON ?= python3
-VENV ?= .venv
+# The ROS 2 whose wheels are installed: jazzy or kilted.
+DISTRO ?= jazzy
+OF_DISTRO := $(if $(filter-out jazzy,$(DISTRO)),-$(DISTRO))
+VENV ?= .venv$(OF_DISTRO)
 INSTALLED := $(VENV)/installed
 TEST_TOOLS := $(INSTALLED)-bag,test
 # On two cores; the tests mostly wait. Where colcon runs them by itself, pytest-xdist is not needed.
@@ -77,7 +80,7 @@ clean:
 
 # With paths, and not with an import hook, so that editors and mypy find the packages.
 AS_PATHS := --config-settings editable_mode=compat
-EXTRAS := robot,ros,view
+EXTRAS := robot,ros$(OF_DISTRO),view
 # Of what pip prints, a line for each package and for each large download.
 PROGRESS := while read -r what name rest; do case "$$what $$name $$rest" in \
     Obtaining\ file*) echo "preparing $${name\#file://}" ;; \

@@ -11,6 +11,8 @@ home = 'https://github.com/dummy-arm/dummy_arm'
 readme = (Path(__file__).resolve().parent / 'README.md').read_text(encoding='utf-8')
 readme = re.sub(r'(!\[[^]]*\]\()(?!http)', rf'\1{home}/raw/main/', readme)
 readme = re.sub(r'(\]\()(?!http|#)', rf'\1{home}/blob/main/', readme)
+#: What the tools need of every ROS 2 from pip.
+beside_ros = ['psutil>=5.9', 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm']
 install = """
 This command installs the package from PyPI, with ROS 2, the web page, the reader of bags, and the
 import names of tf2 (Linux x86-64; elsewhere, leave out `ros` and `dummy-arm-tf2`):
@@ -51,7 +53,9 @@ setup(
         # Upper bounds: the package uses private parts of rclpy and viser, see
         # test_private_apis.py; rosbags has no stable version yet.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
-                'psutil>=5.9', 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
+                *beside_ros],
+        'ros-kilted': ['ros-kilted-common-interfaces>=5.5,<6',
+                       'ros-kilted-rclpy[fastrtps]>=9.1,<9.2', *beside_ros],
         'robot': ['xacro'],
         'view': ['viser>=1.1.1,<1.2', 'pycollada', 'trimesh>=4.6', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'pygraphviz',

@@ -1,5 +1,6 @@
 """A filter that passes messages on when their transforms are available, like that of tf2_ros."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -293,8 +294,10 @@ class MessageFilter:
                     self._on_pass if entry.reason is None else self._on_drop or [self._log_drop]))
         finally:
             if executor := self._node.executor:
-                for coroutine in reversed([*filter(iscoroutine, results)]):
-                    executor.create_task(coroutine)  # the executor runs its newest task first
+                coroutines = deque(filter(iscoroutine, results))
+                # Some releases of rclpy run the newest task first, others the oldest one.
+                for _ in range(len(coroutines)):
+                    executor.create_task(_run_first, coroutines)
             self._trigger()
 
     def _log_drop(self, entry: Entry) -> None:
@@ -310,6 +313,10 @@ class MessageFilter:
             f' {visible(why)}' for target in self._queue.targets if entry.frame
             for shift in (0, self._queue.tolerance)
             if (why := self._buffer.why_not(target, entry.frame, entry.stamp + shift))), '')
+
+
+async def _run_first(coroutines: deque[Any]) -> None:
+    await coroutines.popleft()
 
 
 def _check_callable(callback: object) -> None:

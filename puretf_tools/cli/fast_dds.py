@@ -1,5 +1,5 @@
 """
-Start and destroy nodes without the hangs that errors in Fast DDS 2.14 can cause.
+Start and destroy nodes without the hangs that errors in Fast DDS can cause.
 
 This uses functions of Fast DDS that ROS does not expose; test/ros/test_fast_dds.py checks them.
 """
@@ -15,7 +15,8 @@ import time
 
 from rclpy.node import Node
 
-_LIBRARY = 'libfastrtps.so.2.14'
+#: Of Jazzy and of Kilted.
+_LIBRARIES = 'libfastrtps.so.2.14', 'libfastdds.so.3.2'
 _DDS = '_ZN8eprosima7fastdds3dds'
 _GET_FACTORY = f'{_DDS}24DomainParticipantFactory12get_instanceEv'
 _LOOKUP = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory18lookup_participantEj'
@@ -34,8 +35,8 @@ def remove_unfinished_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]
     waits for ever while its caller holds the GIL, so that no signal ends the process. (Files with
     names in `_el` are always empty, and in use.)
     """
-    for path in sorted(directory.glob('fastrtps_port*')):
-        if not re.fullmatch(r'fastrtps_port\d+', path.name):
+    for path in sorted(directory.glob('fast*_port*')):
+        if not re.fullmatch(r'fast(rtps|dds)_port\d+', path.name):
             continue
         try:
             status = path.lstat()
@@ -64,17 +65,19 @@ def destroy(node: Node) -> None:
 
 def detach_discovery_listener(domain_id: int) -> bool:
     """
-    Detach the discovery listener before rmw_fastrtps does; return False without Fast DDS 2.14.
+    Detach the discovery listener before rmw_fastrtps does; return False without a known Fast DDS.
 
     rmw_fastrtps detaches it with an infinite timeout. Fast DDS adds this to now(), and the sum
     overflows. If a callback is pending, because another participant comes or goes, it then
     busy-waits for ever while it holds the lock that the callback needs. Here the timeout is 1 s.
     """
-    try:
-        library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
-        get_factory, lookup, set_listener = (
-            library[name] for name in (_GET_FACTORY, _LOOKUP, _SET_LISTENER))
-    except (OSError, AttributeError):
+    for name in _LIBRARIES:
+        with suppress(OSError, AttributeError):
+            library = ctypes.CDLL(name, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
+            get_factory, lookup, set_listener = (
+                library[name] for name in (_GET_FACTORY, _LOOKUP, _SET_LISTENER))
+            break
+    else:
         return False
     get_factory.restype = lookup.restype = ctypes.c_void_p
     lookup.argtypes = ctypes.c_void_p, ctypes.c_uint32

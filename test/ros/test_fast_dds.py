@@ -1,4 +1,4 @@
-"""Tests of the behaviour of Fast DDS 2.14 on which cli/fast_dds.py relies."""
+"""Tests of the behaviour of Fast DDS on which cli/fast_dds.py relies."""
 
 import os
 from pathlib import Path
@@ -33,7 +33,7 @@ def test_a_detached_listener_discovers_nothing(ros, start):
 
 
 @pytest.mark.parametrize(('name', 'value'), [
-    ('_LIBRARY', 'libfastrtps.so.3'), ('_LOOKUP', '_ZN3gone')])
+    ('_LIBRARIES', ('libfastdds.so.1',)), ('_LOOKUP', '_ZN3gone')])
 def test_nothing_is_detached_from_another_fast_dds(ros, monkeypatch, name, value):
     """It has another version, or lacks a function."""
     monkeypatch.setattr(fast_dds, name, value)
@@ -70,7 +70,7 @@ def test_an_unfinished_port_that_was_left_over_is_removed(shared_memory):
 
 def test_a_port_in_use_is_finished(ros):
     """Its first number is 2, by which others know that they can use it."""
-    ports = [path for path in Path('/dev/shm').glob('fastrtps_port*')
+    ports = [path for path in Path('/dev/shm').glob('fast*_port*')
              if path.name[-1].isdigit() and str(path) in Path('/proc/self/maps').read_text()]
     assert ports
     assert {path.read_bytes()[:4] for path in ports} == {b'\2\0\0\0'}
