@@ -12,6 +12,7 @@ from pathlib import Path
 import re
 import stat
 import time
+from typing import Optional
 
 from rclpy.node import Node
 
@@ -63,6 +64,14 @@ def destroy(node: Node) -> None:
     node.destroy_node()
 
 
+def loaded() -> Optional[ctypes.CDLL]:
+    """Return the library of Fast DDS in this process; None: another version, or no Fast DDS."""
+    for name in _LIBRARIES:
+        with suppress(OSError):
+            return ctypes.CDLL(name, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
+    return None
+
+
 def detach_discovery_listener(domain_id: int) -> bool:
     """
     Detach the discovery listener before rmw_fastrtps does; return False without a known Fast DDS.
@@ -71,13 +80,12 @@ def detach_discovery_listener(domain_id: int) -> bool:
     overflows. If a callback is pending, because another participant comes or goes, it then
     busy-waits for ever while it holds the lock that the callback needs. Here the timeout is 1 s.
     """
-    for name in _LIBRARIES:
-        with suppress(OSError, AttributeError):
-            library = ctypes.CDLL(name, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
-            get_factory, lookup, set_listener = (
-                library[name] for name in (_GET_FACTORY, _LOOKUP, _SET_LISTENER))
-            break
-    else:
+    if (library := loaded()) is None:
+        return False
+    try:
+        get_factory, lookup, set_listener = (
+            library[name] for name in (_GET_FACTORY, _LOOKUP, _SET_LISTENER))
+    except AttributeError:
         return False
     get_factory.restype = lookup.restype = ctypes.c_void_p
     lookup.argtypes = ctypes.c_void_p, ctypes.c_uint32

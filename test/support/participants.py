@@ -1,7 +1,6 @@
 """The participants of Fast DDS in this process, if there are several in one domain."""
 
 import ctypes
-import os
 
 from rclpy.node import Node
 
@@ -17,9 +16,7 @@ def destroy_newest(node: Node) -> None:
     That would detach the discovery listener of the first node, here one of the test: it would
     discover nothing any more.
     """
-    try:
-        library = ctypes.CDLL(fast_dds._LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
-    except OSError:  # another middleware
+    if (library := fast_dds.loaded()) is None:  # another middleware
         node.destroy_node()
         return
     get_factory, lookup_all = library[fast_dds._GET_FACTORY], library[_LOOKUP_ALL]
