@@ -33,6 +33,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from puretf._ros import cyclone_dds
 from puretf._ros.transform_stamped import deserialize, serialize
+from puretf._text.times import SECOND
 from puretf._wire.cdr import MalformedMessage
 
 _Taken = TypeVar('_Taken')
@@ -254,6 +255,7 @@ class Taker(Generic[_Taken]):
         rcutils.rcutils_get_default_allocator.restype = _Allocator
         self._bytes = _Bytes(allocator=rcutils.rcutils_get_default_allocator())
         self._info = _MessageInfo()
+        self._received = 0  # the last time of reception (ns)
         finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
     def take(self, max_messages: int) -> list[_Taken]:
@@ -267,9 +269,12 @@ class Taker(Generic[_Taken]):
                 if code:
                     raise RCLError(f'rcl_take_serialized_message failed with code {code}')
                 gid = bytes(info.gid).hex()
+                # For Fast DDS 3, the first messages of a publisher come after those that follow.
+                if not 0 < self._received - info.received_timestamp < SECOND:
+                    self._received = info.received_timestamp
                 messages.append(self._make(
                     ctypes.string_at(written.buffer, written.length),
-                    self._gid_of(gid) if self._gid_of else gid, info.received_timestamp,
+                    self._gid_of(gid) if self._gid_of else gid, self._received,
                     info.source_timestamp))
         return messages
 
