@@ -1,5 +1,5 @@
 """
-The private parts of rclpy and rcl on which this package relies, as of ROS 2 Jazzy (rclpy 7.1).
+The private parts of rclpy and rcl on which this package relies: Jazzy (rclpy 7.1), Kilted (9.1).
 
 For each public name of this module, a test in test/ros/test_rclpy_private.py checks the behaviour
 of rclpy or rcl on which it relies.
