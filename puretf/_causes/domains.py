@@ -55,10 +55,10 @@ def ros_domains(pids: Collection[int]) -> dict[int, int]:
 
 def other_user(domain: int) -> str:
     """Return another user whose processes are in a domain, with the shared memory of Fast DDS."""
-    for path in Path('/dev/shm').glob('fastrtps_port[0-9]*'):
+    for path in Path('/dev/shm').glob('fast*_port[0-9]*'):
         # The file has just been removed, is another one, or the user has no name.
         with suppress(OSError, ValueError, KeyError):
-            port = int(path.name.removeprefix('fastrtps_port'))
+            port = int(path.name.partition('_port')[2])
             if domain_of(port) == domain and path.stat().st_uid != os.geteuid():
                 return path.owner()
     return ''
