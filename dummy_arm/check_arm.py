@@ -69,7 +69,6 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
 
 
 def _row(grade: Grade) -> dict[str, str]:
-    """Return the cells of a table, by the titles of the columns."""
     lines = (*grade.report.lines, *grade.report.advice) if grade.report else ()
     return {'file': _cell(visible(grade.file)), 'verdict': grade.verdict,
             'reason': _cell(grade.reason), **{line.requirement: line.verdict for line in lines}}
@@ -103,7 +102,6 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
 
 
 def _write(path: Path, content: 'str | bytes') -> None:
-    """Write a file, and create the directories in which it lies."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if isinstance(content, str):
         content = content.encode(errors='backslashreplace')
@@ -225,7 +223,6 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
 
 
 def _check_drawings(paths: Sequence[str]) -> int:
-    """Print a line for each drawing; return the exit code."""
     faults = {path: fault_of_drawing(Path(path)) for path in paths}
     for path, fault in faults.items():
         print(Grade(path, None, fault, Verdict.NOT_OK if fault else Verdict.OK).line)

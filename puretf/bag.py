@@ -231,7 +231,6 @@ class Bag(AbstractContextManager['Bag']):
         return buffer
 
     def _records(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
-        """Yield the messages that are wanted; read the headers of others."""
         from puretf._bag.files import records
         from puretf._bag.unpacking import too_large, unpacked
         limit = contents.max_bytes

@@ -215,9 +215,7 @@ class BufferCore(BufferBase):
         return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        """Return whether the buffer has a frame of this name."""
         return frame_id in self.frame_names()
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
-        """Return the names of all frames."""
         return self.frame_names()

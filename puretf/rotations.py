@@ -193,7 +193,6 @@ def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
 
 
 def _wxyz(rotation: Iterable[float]) -> Quaternion:
-    """Reorder a quaternion for transforms3d."""
     x, y, z, w = map(float, rotation)
     return w, x, y, z
 
@@ -238,7 +237,6 @@ def _divided(rotation: Quaternion, length: float) -> Quaternion:
 
 
 def _wrapped(angle: float) -> float:
-    """Return an angle in (-pi, pi]."""
     rest = math.remainder(angle, math.tau)
     return math.pi if rest == -math.pi else rest + 0.0
 
@@ -256,12 +254,7 @@ _CODES: dict[Axes, Code] = {key: code for code in product(range(3), range(2), ra
 
 
 def _code_of(axes: Axes) -> Code:
-    """
-    Return the code of a convention, or raise a ValueError.
-
-    >>> _code_of('sxyz'), _code_of('RZYX'), _code_of('szxz')
-    ((0, 0, 0, 0), (0, 0, 0, 1), (2, 0, 1, 0))
-    """
+    """Return the code of a convention, or raise a ValueError."""
     try:
         return _CODES[axes.lower() if isinstance(axes, str) else axes]
     except (KeyError, TypeError):

@@ -200,7 +200,6 @@ class TransformListener:
             self._log.warn_once('error', ''.join(format_exception(error)), 1.0)
 
     def _end(self) -> None:
-        """Detach; called when the thread ends."""
         try:
             self._detach()
         except BaseException as error:  # raised by a done callback of a future
@@ -247,7 +246,6 @@ def _blocked(reference: ref[TransformListener]) -> Mapping[str, Blocked]:
 
 
 def _engine_or_none(buffer: Any) -> Optional[Engine]:
-    """Return the engine of a buffer; None if it is not a buffer of this package."""
     try:
         return engine_of(buffer)
     except TypeError:

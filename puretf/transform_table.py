@@ -117,7 +117,6 @@ def transform_tables(messages: Iterable[Message],
 
 
 def _tables(groups: _Groups, keys: Iterable[tuple[str, bool, Layout]]) -> Iterator[TransformTable]:
-    """Convert the messages of some groups."""
     for key in keys:
         publisher, is_static, layout = key
         times, stamps, poses = groups.pop(key)

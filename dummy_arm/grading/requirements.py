@@ -120,7 +120,6 @@ def _validity(arm: Arm, *_: Any) -> Result:
 
 
 def _tree(arm: Arm, *_: Any) -> Result:
-    """Judge the names of the frames and of their parents, and who sends them."""
     faults = {edge.name: fault for edge in SHEET if (fault := causes.fault_of_edge(arm, edge))}
     if 'map' in arm.samples and not faults:
         parents = comma_list([*arm.samples['map'].parents], shortened)
@@ -130,7 +129,6 @@ def _tree(arm: Arm, *_: Any) -> Result:
 
 
 def _stamps(arm: Arm, *_: Any) -> Result:
-    """Judge the stamps of all transforms on /tf."""
     known = {name: samples for name, samples in arm.moving.items() if samples.times.all()}
     if not known:
         return _not_judged('The bag has no times.' if arm.moving else
@@ -292,7 +290,6 @@ def _deviation(speeds: Sequence[float]) -> float:
 
 
 def _farthest(positions: Floats, expected: Vector) -> Vector:
-    """Return the position that is the farthest from the expected one."""
     x, y, z = positions[np.linalg.norm(positions - expected, axis=1).argmax()].tolist()
     return x, y, z
 

@@ -61,7 +61,6 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
 
 
 def _drawing(*folders: Path) -> str:
-    """Judge the frames.pdf beside a program."""
     for path in (folder / 'frames.pdf' for folder in folders):
         if os.path.exists(path):
             try:

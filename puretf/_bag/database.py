@@ -28,7 +28,6 @@ def records_of_database(path: Path, contents: Contents) -> Iterator[Item]:
 
 
 def _topics(database: sqlite3.Connection, contents: Contents) -> dict[int, Topic]:
-    """Return the topics by their numbers in the database."""
     definitions: dict[str, str] = {}
     with suppress(sqlite3.Error):  # old databases have none
         definitions = dict(database.execute(

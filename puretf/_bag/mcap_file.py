@@ -78,7 +78,6 @@ class McapFile:
                     self._contents.add_damage(error)
 
     def _in_summary(self, file: BinaryIO) -> Iterator[Item]:
-        """Read the summary if it has a checksum."""
         at = self._size - _END.size
         file.seek(max(0, at))
         kind, _, start, _, checksum, magic = _END.unpack(
@@ -201,7 +200,6 @@ class McapFile:
                 topic.count += count
 
     def _read_chunk(self, chunk: _Chunk, file: BinaryIO, waiting: list[Record]) -> None:
-        """Add the messages in a chunk that are read."""
         found, span = self._messages(self._content(chunk, file))
         waiting += found
         self._contents.add_span(*span)
@@ -264,14 +262,12 @@ def _too_short(length: int) -> ValueError:
 
 
 def _map(data: bytes, at: int, size: int) -> dict[int, int]:
-    """Return a map of numbers by channel."""
     if size > len(data) - at or size % 10:
         raise struct.error
     return dict(iter_unpack('<HQ', data[at:at + size]))
 
 
 def _texts(data: bytes, at: int) -> list[str]:
-    """Return three texts, each with its length before it."""
     texts = []
     for _ in range(3):
         (size,) = _LENGTH.unpack_from(data, at)

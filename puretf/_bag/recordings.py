@@ -106,7 +106,6 @@ def _is_named_bag(path: Path) -> bool:
 
 
 def _bags_in(directory: Path) -> list[Path]:
-    """Return the bags in a directory, or the directory if it is one."""
     return [directory] if exists(directory / 'metadata.yaml') else sorted(
         filter(_is_named_bag, directory.iterdir() if isdir(directory) else ()))
 

@@ -78,7 +78,6 @@ def described(own: int) -> str:
 
 
 def _command(pid: int) -> str:
-    """Return the command line of a process for a text; '' if it has ended."""
     with suppress(OSError):
         line = Path(f'/proc/{pid}/cmdline').read_bytes()
         return shortened(os.fsdecode(line).replace('\0', ' ').strip())

@@ -38,7 +38,6 @@ _LATE, _ON_PURPOSE, _LARGE = 3 * SECOND, 5 * SECOND, 10 * SECOND
 
 
 def _is_played(facts: Facts) -> bool:
-    """Return whether the edge is from a bag that is played."""
     around = facts.around
     node = around.node_of(facts.edge.authority)
     nodes = [node] if node else around.nodes(around.topics[-1]) if around.topics else ()

@@ -144,7 +144,6 @@ class FilterQueue:
                     yield entry._replace(reason=FilterFailureReason.OutTheBack)
 
     def _oldest(self) -> Optional[Entry]:
-        """Return the message that has waited longest."""
         return next(iter(self.waiting.values()), None)
 
     def _make_due(self, entry: Entry) -> None:

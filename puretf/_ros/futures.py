@@ -164,7 +164,6 @@ class PendingFutures:
                 executor.wake()
 
     def _start_thread(self) -> None:
-        """Start the thread, or make it check the deadlines again."""
         self._wake.set()
         with self._starting:
             if self._thread is None:

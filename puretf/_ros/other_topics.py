@@ -56,7 +56,6 @@ class TransformSampler(TopicWatch):
                    for topic, by_gid in self._nodes().items() for gid, name in by_gid.items())
 
     def _nodes(self) -> dict[str, dict[str, str]]:
-        """Return by topic and gid the nodes of the publishers."""
         return {topic: nodes_by_gid(self.node_for(topic), topic, TF_MESSAGE)
                 for topic in self.readers}
 

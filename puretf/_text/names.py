@@ -19,25 +19,17 @@ SHOWN = 5
 
 
 def visible(text: str) -> str:
-    r"""
+    """
     Escape each character of a line that is not printable, as `repr` does.
 
     A control character can move the cursor of a terminal; a lone surrogate is not valid UTF-8.
-
-    >>> print(visible('tool\x1b[2J'))
-    tool\x1b[2J
     """
     return text if text.isprintable() else ''.join(
         c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def abbreviated(text: str, longest: int = LONGEST) -> str:
-    """
-    Replace the middle of a text of more than `longest` (at least 3) characters by three dots.
-
-    >>> abbreviated('left_front_wheel', 11)
-    'left...heel'
-    """
+    """Replace the middle of a text of more than `longest` characters (from 3 on) by dots."""
     if len(text) <= longest:
         return text
     kept = longest - 3
@@ -45,33 +37,18 @@ def abbreviated(text: str, longest: int = LONGEST) -> str:
 
 
 def shortened(name: str, longest: int = LONGEST) -> str:
-    r"""
-    Abbreviate and escape a name; if it begins or ends with a blank, add quotes.
-
-    >>> print(shortened('tool\n'), shortened('base_link '))
-    tool\n 'base_link '
-    """
+    """Abbreviate and escape a name; if it begins or ends with a blank, add quotes."""
     name = abbreviated(name, longest)
     return repr(name) if name[:1] == ' ' or name[-1:] == ' ' else visible(name)
 
 
 def quoted(name: str) -> str:
-    r"""
-    Abbreviate a name, and add quotes and escape sequences as `repr` does.
-
-    >>> print(quoted('tool\n'))
-    'tool\n'
-    """
+    """Abbreviate a name, and add quotes and escape sequences as `repr` does."""
     return repr(abbreviated(name))
 
 
 def dot_quoted(name: str) -> str:
-    r"""
-    Return a name in double quotes, as an identifier of the DOT language.
-
-    >>> print(dot_quoted('12" \\ wheel'))
-    "12\" \\ wheel"
-    """
+    """Return a name in double quotes, as an identifier of the DOT language."""
     return f'"{dot_escaped(name)}"'
 
 
@@ -133,12 +110,7 @@ def see(section: str) -> str:
 
 
 def namespace_path(namespace: str) -> str:
-    """
-    Return a namespace as the beginning of the name of a topic.
-
-    >>> namespace_path('robot/'), namespace_path('/')
-    ('/robot', '')
-    """
+    """Return a namespace as the beginning of the name of a topic."""
     return ''.join(f'/{part}' for part in namespace.split('/') if part)
 
 
@@ -154,10 +126,5 @@ def namespace_distance(namespace: str, other: str) -> int:
 
 
 def full_name(namespace: str, name: str) -> str:
-    """
-    Return the full name of a node, whose namespace begins with a slash.
-
-    >>> full_name('/', 'arm'), full_name('/robot', 'arm')
-    ('/arm', '/robot/arm')
-    """
+    """Return the full name of a node, whose namespace begins with a slash."""
     return f'{namespace.rstrip("/")}/{name}'

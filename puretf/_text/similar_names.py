@@ -123,11 +123,6 @@ def without_prefix(name: str) -> set[str]:
 
 
 def may_be_one_robot(topic: str, other: str) -> bool:
-    """
-    Return whether one topic is in the namespace of the other, or one namespace is misspelt.
-
-    >>> may_be_one_robot('/robot1/tf', '/tf'), may_be_one_robot('/robot1/tf', '/robot2/tf')
-    (True, False)
-    """
+    """Return whether one topic is in the namespace of the other, or one namespace is misspelt."""
     a, b = (f'{each.rpartition("/")[0]}/' for each in (topic, other))
     return a.startswith(b) or b.startswith(a) or _plain(a) == _plain(b)

@@ -7,12 +7,7 @@ CACHE_TIME = 10 * SECOND
 
 
 def is_frozen(oldest: int, latest: int, count: int) -> bool:
-    """
-    Return True if the stamp of an edge does not advance: several transforms have the same.
-
-    >>> is_frozen(5, 5, 30), is_frozen(5, 6, 30), is_frozen(5, 5, 1)
-    (True, False, False)
-    """
+    """Return True if the stamp of an edge does not advance: several transforms have the same."""
     return oldest == latest != 0 and count > 2
 
 
@@ -28,12 +23,7 @@ def in_seconds(time: int) -> float:
 
 
 def display_time(time: int) -> str:
-    """
-    Write a time (ns) as seconds with six decimals, as `tf2::displayTimePoint` does.
-
-    >>> display_time(1_700_000_000_123_456_789)
-    '1700000000.123457'
-    """
+    """Write a time (ns) as seconds with six decimals, as `tf2::displayTimePoint` does."""
     return f'{in_seconds(time):.6f}'
 
 

@@ -190,7 +190,6 @@ def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[Type
 
 
 def _array(sequence: type, elements: Iterable[Any]) -> Any:
-    """Create the struct of a sequence that has at least one element."""
     elements = list(elements)
     array = (type(elements[0]) * len(elements))(*elements)
     return sequence(array, len(elements), len(elements))

@@ -52,7 +52,6 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def _mode(path: Path) -> Optional[int]:
-    """Return the mode of a file that may be replaced; None if there is no file."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:

@@ -123,7 +123,6 @@ def read(text: str, current_type: int) -> Any:
 
 
 def _value_text(value: ParameterValue) -> str:
-    """Return the text that the command prints for a value."""
     value = parameter_value_to_python(value)
     if value is None:
         return 'not set'

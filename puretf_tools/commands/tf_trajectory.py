@@ -130,7 +130,6 @@ class Trajectory:
         return self._found.buffer.lookup_twist(*self.ends, time, TWIST_INTERVAL)
 
     def _why_not(self, time: int) -> str:
-        """Return why the row of a time (ns) is left out."""
         if not time:
             return ('the stamp is 0, and a lookup for time 0 returns the latest transform: set '
                     'the stamps')
@@ -320,7 +319,6 @@ def _rows(trajectory: Trajectory) -> Iterator[tuple[int, list[float]]]:
 
 
 def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
-    """Draw positions, angles and velocities over time, and the path from above."""
     from matplotlib.figure import Figure
     (target, source_frame), stamps, values = trajectory.ends, trajectory.times, trajectory.values
     style = {'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}

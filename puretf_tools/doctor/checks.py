@@ -65,8 +65,6 @@ class Finding(NamedTuple):
 
 
 class _Fault(NamedTuple):
-    """A fault that a check has found."""
-
     evidence: str
     tracks: Sequence[Track] = ()  #: the tracks whose frames, topics and nodes are named
     frames: Optional[Iterable[str]] = None  #: None: those of the tracks
@@ -414,7 +412,6 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 def _is_off(track: Track) -> bool:
-    """Return whether the offset of the stamps is known, or longer than a cache."""
     offset = 0 if track['foreign'] else track.stream.offset or 0
     return offset > CACHE_TIME or (offset < -LATE and bool(known_offset(offset)))
 
@@ -441,7 +438,6 @@ def _clock_remedy(observation: Observation, stamp: int, tracks: Iterable[Track] 
 
 
 def _play(observation: Observation, tracks: Iterable[Track]) -> str:
-    """Return what to do if a bag is played; '': it is not."""
     return PLAY if any(PLAYER in observation.node_of(track) for track in tracks) else ''
 
 
@@ -696,7 +692,6 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
 
 
 def _last_stamps(observation: Observation) -> dict[str, list[int]]:
-    """Return by node the last stamps on /tf and in headers."""
     stamps: dict[str, list[int]] = {}
     for track in observation.tracks:
         if track['stamp'] and not (track.is_static or track.stream.is_frozen):
@@ -777,7 +772,6 @@ def _ended_node(observation: Observation, track: Track) -> str:
 
 
 def _start_again(node: str) -> str:
-    """Return what to do if a node has ended; '': it has not."""
     return RULES['gap'].remedy.format(node=node) if node else ''
 
 

@@ -179,6 +179,5 @@ def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: 
 
 
 def _needed_cache(edges: Iterable[Edge], stamps: _Array, times: _Array) -> _Array:
-    """Return the longest time that an edge needs; see `Edge.needed_cache`."""
     needed = [edge.needed_cache(stamps, times) for edge in edges]
     return np.asarray(np.max([np.zeros_like(stamps), *needed], axis=0))

@@ -117,7 +117,6 @@ def check_codes(codes: Collection[str]) -> None:
 
 
 def _rows(topics: Sequence[dict[str, Any]]) -> Iterator[Sequence[str]]:
-    """Yield the rows of a table, one for each topic."""
     yield ('messages at their stamps', 'number', 'at once', 'after waiting', 'median', '95 %',
            'largest', 'never', 'queue')
     for topic in topics:

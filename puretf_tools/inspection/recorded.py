@@ -64,7 +64,6 @@ class PathReader:
 
 
 def _one_frame(topic: str, frames: set[str], remedy: str = '') -> str:
-    """Return the only frame of messages on a topic, or raise a BagError."""
     if len(frames) != 1 or '' in frames:
         names = comma_list([name or "''" for name in sorted(frames)])
         raise BagError(f'the messages on {topic} must be in one frame, got {names or "none"}'
@@ -91,7 +90,6 @@ def _read_poses(bag: Bag, topic: str, child: str) -> tuple[TransformBuffer, set[
 
 
 def _pose(message: Any) -> tuple[float, float, float, float, float, float, float]:
-    """Return the pose in a message of a type in `POSES`."""
     if hasattr(message, 'transform'):
         position, rotation = message.transform.translation, message.transform.rotation
     else:

@@ -22,8 +22,6 @@ _REPORTED = 10.0
 
 
 class _Seen(NamedTuple):
-    """What was seen of a dynamic frame."""
-
     latest: int  #: the newest stamp (ns)
     latest_at: float  #: when it was first seen (s)
     arrived: int  #: the stamp of the transform that arrived last (ns)

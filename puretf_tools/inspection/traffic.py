@@ -105,7 +105,6 @@ class Counts:
 
 
 def _merge(values: Any, new: Any) -> None:
-    """Add counts of delays, (n,), to others."""
     has_new, is_first = new['delays'] > 0, values['delays'] == 0
     for field, extreme in _EXTREMES.items():
         values[field] = np.where(has_new, np.where(

@@ -39,8 +39,6 @@ class BodyDisplay(NamedTuple):
 
 @dataclass
 class _Part:
-    """The visual shapes or the collision shapes of a link."""
-
     link: str
     is_collision: bool
     shapes: list[Shape]  #: those that are not drawn yet
@@ -57,8 +55,6 @@ def _parts(shapes: Iterable[Shape], is_collision: bool) -> Iterable[_Part]:
 
 
 class _Robot:
-    """The body of one description."""
-
     def __init__(self, topic: str, description: Description) -> None:
         self.topic, self.description = topic, description
         self.names: list[str] = []  # the frames for which the prefix was found
@@ -141,7 +137,6 @@ class Body:
             line for robot in self._robots.values() for line in robot.problems]
 
     def _replace(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        """Remove the bodies whose description has changed, and add the new ones."""
         for topic, robot in [*self._robots.items()]:
             if descriptions.get(topic) is not robot.description:
                 for part in robot.parts:
@@ -162,7 +157,6 @@ class Body:
                         handle.opacity = _opacity(own * opacity)
 
     def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> None:
-        """Draw a part at a pose."""
         if part.node is None:
             part.node = self._scene.add_frame(
                 f'{WORLD}/robots/{self._next_node}', show_axes=False, visible=False)

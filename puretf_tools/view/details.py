@@ -84,7 +84,6 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
 
 
 def _published(frame: Frame, why_no_rate: str, feed: Feed) -> str:
-    """Return the rows with the rate, the delay and the publisher of a frame."""
     publication = feed.publication(frame)
     rows = _title('', '', 'published')
     if frame.is_static:

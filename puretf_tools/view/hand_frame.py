@@ -77,7 +77,6 @@ class HandFrame:
             self._set_pose(event.target.position.tolist(), (roll, pitch, yaw))
 
     def _set_pose(self, position: Iterable[float], angles: Iterable[float]) -> None:
-        """Round numbers of a viewer, and show them."""
         x, y, z = (round(value, _DIGITS) + 0.0 for value in position)
         roll, pitch, yaw = (round(angle, _ANGLE_DIGITS) + 0.0 for angle in angles)
         self._pose = (x, y, z), (roll, pitch, yaw)

@@ -146,7 +146,6 @@ def _load(path: Path) -> Mesh:
 
 
 def _unit(data: bytes) -> float:
-    """Return the unit of COLLADA (m)."""
     text = next((element.get('meter', '1') for _, element in ElementTree.iterparse(
         BytesIO(data), ['start']) if element.tag.rpartition('}')[2] == 'unit'), '1')
     with suppress(ValueError):
@@ -157,7 +156,6 @@ def _unit(data: bytes) -> float:
 
 
 def _parts(kind: str, data: bytes) -> list[tuple[NDArray[np.float64], Any]]:
-    """Return meshes, each with its pose."""
     import trimesh
 
     # The wrong indices of a .ply file would be gone after processing.
@@ -198,7 +196,6 @@ def _joined(parts: Sequence[tuple[NDArray[np.float64], Any]], unit: float) -> Me
 
 
 def _color(visual: Any) -> Optional[Rgba]:
-    """Return the color of a mesh that has a single one."""
     colors = visual.face_colors if visual.kind == 'face' else (
         visual.vertex_colors if visual.kind == 'vertex' else
         getattr(visual.material, 'baseColorFactor', None) if visual.kind == 'texture' else None)

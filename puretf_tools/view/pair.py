@@ -123,7 +123,6 @@ class Pair:
             plot.visible = is_visible
 
     def _plot(self, end: int) -> None:
-        """Keep the values of the span; look up only those that are new."""
         seconds, player = SPANS[self._span.value], self._feed.player
         end = end or SECOND * max(1, seconds)  # both frames are static: at any time
         if player and not seconds:
@@ -166,7 +165,6 @@ def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.Gui
 
 
 def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
-    """Return a transform in HTML, in numbers that are rounded."""
     stamp, *_, translation, rotation = transform
     angles = euler_from_quaternion(rotation)
     time = time_text(stamp) if stamp else 'all times'

@@ -161,7 +161,6 @@ class FrameWatcher:
 
 
 def _proposed(root_of: Mapping[str, str]) -> str:
-    """Return a fixed frame; '' if there are no frames."""
     # Between trees of the same size, the name decides, and not what came first.
     sizes = Counter(root_of.values())
     return min(root_of, default='', key=lambda name: (

@@ -56,7 +56,6 @@ class Playback:
         goal.on_update(self._on_goal)
 
     def _slider(self) -> Any:
-        """Add the slider of the time, with marks at the findings."""
         player = self._player
         marks = tuple({(finding.time - player.begin) / SECOND: None
                        for finding in self._feed.findings
@@ -131,7 +130,6 @@ class Playback:
                             width=max(_NARROWEST, width - _MARGIN))
 
     def _step(self, is_back: bool) -> None:
-        """Go to the next or the last stamp of any transform."""
         time, stamps = self._player.time, []
         for frame in self._feed.buffer.frames():
             if not frame.is_static:

@@ -74,8 +74,6 @@ def _joined(lines: Sequence[str]) -> str:
 
 
 class _Slider:
-    """The slider of a joint, in m or degrees."""
-
     def __init__(self, gui: viser.GuiApi, joint: Joint, position: float) -> None:
         self.joint, is_linear = joint, joint.kind == 'prismatic'
         self.scale = 1.0 if is_linear else degrees(1.0)

@@ -69,8 +69,6 @@ _KINDS: dict[str, _Kind] = {
 
 
 class _Kept(NamedTuple):
-    """A value that is kept."""
-
     read: Callable[[], Any]
     write: Callable[[Any], object]
     default: Any

@@ -108,7 +108,6 @@ class View:
             self._watcher.watch()
 
     def _viewer(self, number: int, client: viser.ClientHandle, is_alone: bool) -> 'Viewer':
-        """Return the viewer with a number, who may have just come."""
         player = self._feed.player
         if number not in self.viewers:
             self._meshes.forget_failures()
@@ -135,7 +134,6 @@ class View:
 
 
 def _newest(buffer: AnyBuffer) -> int:
-    """Return the newest stamp of a dynamic frame (ns); 0: there is none."""
     return max((frame.latest for frame in buffer.frames()), default=0)
 
 
@@ -171,7 +169,6 @@ class Viewer:
         self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
 
     def _restore(self) -> None:
-        """Show what the browser has stored, or else what is shown at first."""
         if why := self._settings.reset(self.pace.stored or ''):
             self._client.add_notification('The view that was kept is refused', why)
         self._panel.put_panels(self.pace.panels)
