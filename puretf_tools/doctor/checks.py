@@ -590,7 +590,8 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
     """Return a fault of messages; `child`: that of the edge for which they wait."""
     names = [topic.topic for topic, _ in topics]
     count = sum(int(found.sum()) for _, found in topics)
-    number = sum(topic.number_of(topic.verdicts[found].min()) for topic, found in topics)
+    number = sum(topic.number_of(Verdict(int(topic.verdicts[found].min())))
+                 for topic, found in topics)
     sample = ' of a sample' if any(topic.step > 1 for topic, _ in topics) else ''
     ahead = _lead(topics) if child else 0
     clock = f'; stamps are up to {in_words(ahead)} later than the arrivals' if ahead else ''
