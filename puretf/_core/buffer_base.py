@@ -307,7 +307,8 @@ class BufferBase:
         :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
         with self._engine.reading():
-            return [frame for frame, _ in self._engine.tree.frames(until)]
+            found = self._engine.tree.frames(until)
+        return [frame for frame, _ in found]
 
     def all_frames_as_yaml(self) -> str:
         """Return all frames with a parent as YAML in tf2's format; '[]' if there is no frame."""
@@ -397,8 +398,12 @@ def _int64_times(times: Times, name: str) -> NDArray[np.int64]:
     if times.dtype.kind == 'M':
         if np.isnat(times).any():
             raise ValueError(f'{name} must be times, got NaT at index {np.isnat(times).argmax()}')
-        times = given.astype('datetime64[ns]')
-        if not (times.astype(given.dtype) == given).all():
+        try:
+            times = given.astype('datetime64[ns]')
+            is_exact = bool((times.astype(given.dtype) == given).all())
+        except OverflowError:  # before numpy 2.5, the numbers overflow
+            is_exact = False
+        if not is_exact:
             raise OverflowError(f'{name} must be whole ns from 1678 to 2261, got {given.min()} to '
                                 f'{given.max()}')
         return times.astype(np.int64)
