@@ -171,11 +171,6 @@ def words_of(text: str) -> list[str]:
 
 
 def has_words(name: str, words: Iterable[str]) -> bool:
-    """
-    Return whether a name has all words, in any case, and none of those behind a hyphen.
-
-    >>> [has_words(name, words_of('WHEEL -left')) for name in ('right_wheel', 'left_wheel')]
-    [True, False]
-    """
+    """Return whether a name has all words, in any case, and none of those behind a hyphen."""
     name = name.casefold()
     return all(word[1:] not in name if word.startswith('-') else word in name for word in words)
