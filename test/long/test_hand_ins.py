@@ -27,13 +27,17 @@ def orphans():
     before = own.children()
     libc = ctypes.CDLL(None)
     assert libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) == 0
+
+    def left():
+        return [each for each in own.children()
+                if each not in before and each.pid not in own_pids]
+
     try:
-        yield lambda: [each for each in own.children()
-                       if each not in before and each.pid not in own_pids]
-        while left := {*own.children()} - {*before}:
-            for each in left:
+        yield left
+        while found := left():
+            for each in found:
                 each.kill()
-            psutil.wait_procs(left, TIMEOUT)
+            psutil.wait_procs(found, TIMEOUT)
     finally:
         libc.prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
 
