@@ -7,7 +7,7 @@ from pathlib import Path
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 # Fast DDS 3, which comes with rclpy 9, warns of the name that Fast DDS 2 knows.
 os.environ['FASTDDS_DEFAULT_PROFILES_FILE' if any(
-    each.version > '9' for each in distributions(name='rclpy')) else
+    int(each.version.split('.')[0]) >= 9 for each in distributions(name='rclpy')) else
     'FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
         Path(__file__).parent / 'support' / 'fast_discovery.xml')
 
