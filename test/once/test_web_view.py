@@ -248,6 +248,7 @@ def test_the_keys_and_the_bar_of_a_bag(start, browse, tmp_path):
     position = '[data-text="time"]'
     page.until(lambda: page.page.inner_text(position))
     assert float(page.page.inner_text(position).split()[0]) < time.monotonic() - begin
+    page.page.wait_for_selector('[data-text="details"]')  # the keys have come before them
     page.page.keyboard.press('p')
     page.until(lambda: page.page.get_by_role('button', name='play', exact=True).count())
     page.open_tab('Findings')
