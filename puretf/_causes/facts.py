@@ -1,6 +1,6 @@
 """What is known of a lookup that has failed: of its buffer, and of what surrounds it."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -22,9 +22,9 @@ UNKNOWN = 'unknown publisher'
 RECENT = SECOND
 
 
-def listed(names: Sequence[str]) -> str:
-    """Join the names of nodes or topics."""
-    return comma_list(names, shortened)
+def listed(names: Iterable[str]) -> str:
+    """Join names, as many as a text has."""
+    return comma_list([*names], shortened)
 
 
 class Publisher(NamedTuple):

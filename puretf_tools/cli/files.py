@@ -16,15 +16,10 @@ def path_to_write(output: str, endings: Sequence[str]) -> Path:
     path = Path(output)
     if path.suffix.lower() not in endings or output.endswith('/'):
         raise UsageError(f'{output!r} must end in {", ".join(endings)}')
-    check_writable(path)
-    return path
-
-
-def check_writable(path: Path) -> None:
-    """Raise CommandError if a file cannot be written; to be called before the work begins."""
     _mode(path)
     if not os.access(path.parent, os.W_OK):
         raise CommandError(f'cannot write {path}: {path.parent} is not a writable directory')
+    return path
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import re
 import sys
 from threading import Event, Thread
 
@@ -11,12 +12,12 @@ from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
+from rclpy.utilities import get_rmw_implementation_identifier, remove_ros_args, try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
 from puretf._text.names import namespace_path
 from puretf_tools.cli.fast_dds import destroy, remove_unfinished_ports
-from puretf_tools.cli.parser import CommandError, rcl_error_text, UsageError
+from puretf_tools.cli.parser import CommandError, UsageError
 from puretf_tools.cli.signals import begin_cleanup, end_cleanup, sleep
 
 #: The timeout of `spin_once` (s), which a recorded signal does not end.
@@ -47,6 +48,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     arguments = [*ros_args, *_namespace_args(namespace)]
     clear_shared_memory(ros_args)
     try:
+        _check(arguments)
         # The signal handlers of rclpy would shut down the context while a node is using it.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except UnicodeEncodeError as error:
@@ -58,6 +60,20 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     finally:
         try_shutdown()
         end_cleanup()
+
+
+def _check(ros_args: list[str]) -> None:
+    try:
+        remove_ros_args(ros_args)
+    except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
+        text = rcl_error_text(error)
+        raise UsageError(f'unknown ROS arguments: {text}' if text.startswith('[') else text
+                         ) from None
+
+
+def rcl_error_text(error: Exception) -> str:
+    """Return the first line of an rcl error, without locations in rcl's source code."""
+    return re.sub(r', at \S+:\d+.*', '', str(error).partition('\n')[0])
 
 
 def clear_shared_memory(ros_args: Sequence[str]) -> None:

@@ -11,9 +11,15 @@ from typing import Any, NoReturn, Optional
 
 from puretf._text.names import visible
 from puretf._text.similar_names import near_names
-from puretf_tools.cli.errors import CommandError as CommandError
-from puretf_tools.cli.errors import UsageError as UsageError
 from puretf_tools.cli.signals import record_signals, signal_received, unchecked_signals_end
+
+
+class UsageError(ValueError):
+    """An invalid argument or parameter: exit code 2. The text says what is allowed."""
+
+
+class CommandError(Exception):
+    """A failure: exit code 1. The text gives the reason, and perhaps a remedy."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -113,18 +119,6 @@ def _close_stdout() -> None:
 
 
 def _without_ros_args(arguments: list[str]) -> list[str]:
-    try:
-        from rclpy.utilities import remove_ros_args
-        return list(remove_ros_args(arguments))
-    except (ImportError, UnicodeEncodeError):  # the path of a file, perhaps; see also ros_context
-        return _without_ros_args_by_hand(arguments)
-    except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
-        text = rcl_error_text(error)
-        raise UsageError(f'unknown ROS arguments: {text}' if text.startswith('[') else text
-                         ) from None
-
-
-def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
     rest, is_for_ros = [], False
     for argument in arguments:
         if argument == '--ros-args':
@@ -134,8 +128,3 @@ def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
         elif argument == '--':
             is_for_ros = False
     return rest
-
-
-def rcl_error_text(error: Exception) -> str:
-    """Return the first line of an rcl error, without locations in rcl's source code."""
-    return re.sub(r', at \S+:\d+.*', '', str(error).partition('\n')[0])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from puretf import Frame, SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
-from puretf._causes.facts import Facts, OTHER_CLOCK
+from puretf._causes.facts import Facts, listed, OTHER_CLOCK
 from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES, SIM_TIME
 from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened, SHOWN
@@ -128,10 +128,6 @@ def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list
                           if need in check.needs and check.code not in ignored])]
 
 
-def _names(names: Iterable[str]) -> str:
-    return comma_list([*names], shortened)
-
-
 # Errors
 
 
@@ -180,7 +176,7 @@ def _two_publishers(observation: Observation) -> Iterator[_Fault]:
         what = (f'they differ by {max(_distance(*pair) for pair in group):.3g} (m plus rad)'
                 if a.is_static else f'{a["count"]} and {b["count"]} transforms')
         children = [a.child for a, _ in group]
-        yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {what}',
+        yield _Fault(f'{names[0]} and {names[1]} both publish {listed(children)}: {what}',
                      [a, b], children)
 
 
@@ -268,7 +264,7 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     for frame, topics in observation.topics_of.items():
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
             is_no_place = _is_no_place(observation, frame)
-            yield _Fault(f'{quoted(frame)} is in the headers on {_names(topics)}, but not among '
+            yield _Fault(f'{quoted(frame)} is in the headers on {listed(topics)}, but not among '
                          f'the {len(known)} frames of the transforms. '
                          f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
                          remedy='This is right if it is no place, as that of a joystick; '
@@ -296,8 +292,8 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
         topic = joint_states_of(robot.topic)
         others = [] if robot.states else [each for each in robot.elsewhere if each not in {
             joint_states_of(other.topic) for other in observation.robots}]
-        known = (f'which names {_names(sorted(robot.states))}' if robot.states else
-                 f'but on {_names(others)}' if others else 'where nothing was received')
+        known = (f'which names {listed(sorted(robot.states))}' if robot.states else
+                 f'but on {listed(others)}' if others else 'where nothing was received')
         silent: dict[str, list[str]] = {}  # by the reason why its states are ignored
         for joint, links in robot.joints.items():
             # The name of a link can be known without a transform to it, from a child of the link.
@@ -309,7 +305,7 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
                      if why else f'not on {topic}, {known}')
             frames = [start + link for joint in joints for link in robot.joints[joint]]
             yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
-                         f'{_names(joints)}', (), frames, [topic],
+                         f'{listed(joints)}', (), frames, [topic],
                          remedy=remap(topic, others[0]) if others else '',
                          scope=[start + link for link in robot.links] if others else None)
 
@@ -332,7 +328,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
             names, on = trees.setdefault(kinds[observation.tree_of[name]], ({}, {}))
             names[name] = on[topic] = None
     for parts in ([*trees.values()] for trees in robots.values() if len(trees) > 1):
-        texts = [f'{_names(names)} on {_names(on)}' for names, on in parts[:SHOWN]]
+        texts = [f'{listed(names)} on {listed(on)}' for names, on in parts[:SHOWN]]
         yield _Fault(f'headers use frames of {len(parts)} trees: {"; ".join(texts)}', (),
                      chain(*(names for names, _ in parts)), [*chain(*(on for _, on in parts))],
                      remedy=observation.missing_part)
@@ -378,7 +374,7 @@ def _counted(observation: Observation, field: str, what: str,
 
 def _share(tracks: Sequence[Track], field: str) -> str:
     return (f'{total(tracks, field)} of {total(tracks, "count")} transforms of '
-            f'{_names(map(_child_of, tracks))}')
+            f'{listed(map(_child_of, tracks))}')
 
 
 @_check('other_clock', 'Look at the clock that stamps them.', 'clock',
@@ -418,7 +414,7 @@ def _is_off(track: Track) -> bool:
 
 def _step_text(tracks: Sequence[Track]) -> str:
     length, before = max(track.stream.largest_step for track in tracks)
-    return (f'the stamps of {_names(map(_child_of, tracks))} step forward by {_known(length)} '
+    return (f'the stamps of {listed(map(_child_of, tracks))} step forward by {_known(length)} '
             f'after {exact_time(before)}, while transforms arrive as before')
 
 
@@ -481,7 +477,7 @@ def _nanosec(observation: Observation) -> Iterator[_Fault]:
                       observation.senders.get(topic.topic, ())))
     for text, frames, name, nodes in found:
         if text:
-            yield _Fault(f'{text} in stamps of {_names(frames)}', (), frames, [name], nodes)
+            yield _Fault(f'{text} in stamps of {listed(frames)}', (), frames, [name], nodes)
 
 
 @_check(*_same('frozen_stamp'),
@@ -599,7 +595,7 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
               for i in np.unique(topic.frame_numbers[found]).tolist()]
     nodes = [*chain(*(observation.senders.get(name, ()) for name in names)),
              *map(observation.node_of, observation.dynamic_tracks(child))]
-    return _Fault(f'{count} of {number} messages{sample} on {_names(names)} {what}{clock}', (),
+    return _Fault(f'{count} of {number} messages{sample} on {listed(names)} {what}{clock}', (),
                   frames, names, nodes, remedy)
 
 
@@ -640,7 +636,7 @@ def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
             if senders := rivals([each for each in all_senders if name in each.names]):
                 groups.setdefault((*senders,), []).append(name)
         for found, joints in groups.items():
-            yield _Fault(f'{_counts(found)} send {_names(joints)} on {topic}', (), frames,
+            yield _Fault(f'{_counts(found)} send {listed(joints)} on {topic}', (), frames,
                          [topic], [sender.node for sender in found])
 
 
@@ -665,7 +661,7 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     """Find that the time on /clock stands, so that nodes send no new stamps."""
     if observation.clock_stands:
         nodes = observation.around.clock_nodes
-        yield _Fault(f'the time on /clock of {_names(nodes)} has stood for '
+        yield _Fault(f'the time on /clock of {listed(nodes)} has stood for '
                      f'{observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
 
 
@@ -684,8 +680,8 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     foreign = [node for node in others for stamp in stamps.get(node, ())
                if abs(stamp - observation.clocks[0].stamp) > OTHER_CLOCK]
     yield _Fault(
-        f'use_sim_time is false in {_names(others)}, and true in {_names(sorted(using))}, while '
-        f'{_names(sorted(clocks))} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (),
+        f'use_sim_time is false in {listed(others)}, and true in {listed(sorted(using))}, while '
+        f'{listed(sorted(clocks))} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (),
         (), others, severity=ERROR if foreign else
         INFO if {*others}.isdisjoint(observation.tf_listeners) else '',
         # Those with the simulated clock are found if this node does not use it.
@@ -738,7 +734,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         # A node may send the frames of what it sees, which comes and goes.
         goes_on = name and tracks[0].publisher in (observation.present or ()) and (
             min(each['last_time'] for each in own) < max(each['first_time'] for each in own))
-        yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
+        yield _Fault(f'nothing was received of {listed(map(_child_of, tracks))} in the '
                      f'last {in_words(silence)}, and {tracks[0].rate:.1f} Hz before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
                      remedy=_start_again(node), severity=INFO if goes_on else '',
@@ -838,7 +834,7 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
             if len(tracks) == 1 and not (track := tracks[0]).is_static and track['count'] == 1
             and track['last_time'] and end - track['last_time'] > _ONCE}
     for tracks in observation.by_publisher(once.__contains__):
-        yield _Fault(f'one transform of {_names(map(_child_of, tracks))} in '
+        yield _Fault(f'one transform of {listed(map(_child_of, tracks))} in '
                      f'{in_words(end - tracks[0]["last_time"])}', tracks)
 
 
@@ -914,7 +910,7 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
             (stream.backwards, len(stream.stamps)) for stream in streams)))
         consequence = (f'; a buffer with the default cache of {CACHE_TIME // SECOND} s refuses '
                        f'{refused} transforms' if refused else '')
-        yield _Fault(f'{back} of {count} transforms of {_names(children)} with an earlier stamp '
+        yield _Fault(f'{back} of {count} transforms of {listed(children)} with an earlier stamp '
                      f'than the one before; the largest step back is {in_words(worst.step_back)}, '
                      f'from {exact_time(worst.step_back_at)}{consequence}',
                      [track for child in children for track in observation.by_child[child]],
@@ -935,10 +931,10 @@ def _leading_slash(observation: Observation) -> Iterator[_Fault]:
     """Find frames whose names begin with a slash; tf2 refuses lookups of them."""
     for tracks in observation.by_publisher(attrgetter('slashed')):
         names = sorted({name for track in tracks for name in track.slashed})
-        yield _Fault(f'names in transforms begin with a slash: {_names(names)}', tracks, names)
+        yield _Fault(f'names in transforms begin with a slash: {listed(names)}', tracks, names)
     for frame, topics in observation.topics_of.items():
         if frame.startswith('/'):
-            yield _Fault(f'the headers on {_names(topics)} name {quoted(frame)}',
+            yield _Fault(f'the headers on {listed(topics)} name {quoted(frame)}',
                          frames=[frame], topics=topics)
 
 
@@ -975,7 +971,7 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
         frames = [start + link for link in missing]
         if frames:
             yield _Fault(
-                f'{len(frames)} of {len(robot.links)} links have no transform: {_names(frames)}',
+                f'{len(frames)} of {len(robot.links)} links have no transform: {listed(frames)}',
                 (), frames, [robot.topic], remedy='Publish it: robot_state_publisher does not '
                 'send floating or planar joints.' if {*missing} <= {*robot.floating} else '')
 
@@ -1001,7 +997,7 @@ def _several_trees(observation: Observation) -> Iterator[_Fault]:
     if len(observation.trees) > 1:
         roots = [next((name for name in tree if name not in observation.parents), tree[0])
                  for tree in observation.trees]
-        yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots,
+        yield _Fault(f'{len(roots)} trees, with the roots {listed(roots)}', frames=roots,
                      remedy=observation.missing_part)
 
 

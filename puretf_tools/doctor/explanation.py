@@ -63,7 +63,7 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
     :param publishers: by child: the names of the nodes that publish it.
     """
     with buffer.updated():  # so that all that follows describes the same state
-        why_not = buffer.why_not(*ends, stamp)
+        why_not = buffer.why_not(*ends, stamp, has_hint=False)
         frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
                   for frame in buffer.frames()}
         time = stamp or min((frame.latest for frame in _path(frames, ends) if frame.latest),
@@ -71,8 +71,6 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
         # At this time, frames may have had other parents.
         for frame in buffer.frames(time):
             frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
-    # The hint about the publishers needs the lock to be free.
-    why_not = why_not and (buffer.why_not(*ends, stamp) or why_not)
     path = _path(frames, ends)
     when = (f'at {exact_time(time)}' if time else
             'at all times' if all(frame.is_static for frame in path) else 'only at the time 0')

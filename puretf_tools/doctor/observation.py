@@ -200,7 +200,7 @@ class Observation:
     def _edges_above(self, frame: str) -> Optional[dict[Edge, str]]:
         """Return the dynamic edges from a frame to its root, and their children; None: no tree."""
         name = frame.removeprefix('/')
-        path = [name, *self.ancestors(name)]
+        path = self.facts.buffer.chain(name)
         if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
             return None
         # Edges whose transforms always arrive together are judged once.
@@ -229,17 +229,10 @@ class Observation:
             groups.setdefault(key, {}).setdefault(track.publisher, set()).add(track.child)
         return {key: found for key, group in groups.items() if (found := recreated(group))}
 
-    def ancestors(self, name: str) -> list[str]:
-        """Return the frames above a frame, the parent first; in a loop, each frame once."""
-        found: dict[str, None] = {}
-        while (name := self.parents.get(name, '')) and name not in found:
-            found[name] = None
-        return [*found]
-
     def below(self, frames: Collection[str]) -> set[str]:
         """Return frames, and those below them."""
-        return {*frames, *(frame for frame in self.parents
-                           if not {*self.ancestors(frame)}.isdisjoint(frames))}
+        chain = self.facts.buffer.chain
+        return {*frames, *(name for name in self.parents if not {*chain(name)}.isdisjoint(frames))}
 
     def by_publisher(self, is_wanted: Callable[[Track], object]) -> list[list[Track]]:
         """Group the tracks that meet a condition by publisher and topic."""

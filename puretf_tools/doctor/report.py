@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterator, Sequence
 import os
 from typing import Any, NamedTuple, Union
 
+from puretf._causes.facts import listed
 from puretf._text.names import comma_list, see, shortened, visible
 from puretf._text.similar_names import suggest_names
 from puretf.bag import Bag, Paths
@@ -41,7 +42,7 @@ class Report(NamedTuple):
         """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""
         lines = []
         for finding in self.findings:
-            names = comma_list(finding.frames or finding.topics or finding.nodes, shortened)
+            names = listed(finding.frames or finding.topics or finding.nodes)
             where = ', '.join(f'{word} {comma_list(each)}' for word, each in (
                 ('on', finding.topics), ('by', finding.nodes)) if each)
             lines.append(visible(f'{finding.severity} {finding.code}{names and ": "}{names}'))

@@ -63,12 +63,10 @@ def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = No
     Find the hole in the data between two frames that is around each time.
 
     :param edges: those between the frames, from `path_edges`.
-    :param times: (n,) times (ns).
+    :param times: (n,) times in increasing order (ns).
     :param longest: longer steps (ns) are holes; None: those that `USUAL_STEPS` describes.
     :returns: (n,) objects: a `Hole`, the longest of several; or None.
     """
-    order = np.argsort(times, kind='stable')
-    times = times[order]
     found, lengths = np.full(len(times), None, np.object_), np.zeros(len(times), np.uint64)
     # The difference of two int64 may be too large for an int64, but not for a uint64.
     steps = [np.diff(edge.stamps).view(np.uint64) for edge in edges]
@@ -95,9 +93,7 @@ def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = No
                 last_step = j
                 hole = Hole(edge.parent, edge.child, *edge.stamps[j:j + 2].tolist())
             found[i] = hole
-    unsorted = np.empty_like(found)
-    unsorted[order] = found
-    return unsorted
+    return found
 
 
 def beyond_ends(edges: Edges, times: NDArray[np.int64]

@@ -6,8 +6,9 @@ from typing import Any, Optional
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from puretf._text.names import comma_list, shortened
-from puretf.publisher_listener import nodes_on, UNKNOWN
+from puretf._causes.facts import listed, UNKNOWN
+from puretf._text.names import shortened
+from puretf.publisher_listener import nodes_on
 
 
 class JointStateReader:
@@ -24,11 +25,10 @@ class JointStateReader:
             if not self._has_warned:
                 self._has_warned = True
                 nodes = nodes_on(self._node, self._topic)
-                names = comma_list(nodes, shortened)
                 self._node.get_logger().warning(
                     f'dropped a message on {shortened(self._topic)} that cannot be decoded: '
-                    f'{error}; published by {"one of " * (len(nodes) > 1)}{names or UNKNOWN}. '
-                    'Further ones are dropped silently.')
+                    f'{error}; published by {"one of " * (len(nodes) > 1)}'
+                    f'{listed(nodes) or UNKNOWN}. Further ones are dropped silently.')
             return None
 
 

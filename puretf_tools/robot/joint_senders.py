@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from puretf._text.names import comma_list, shortened
+from puretf._causes.facts import listed, UNKNOWN
+from puretf._text.names import shortened
 from puretf_tools.cli.parser import UsageError
 from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
@@ -102,7 +103,7 @@ class JointStatePublisher(JointControls):
         node.create_timer(1.0 / rate, self._publish)
 
     def _look(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        from puretf.publisher_listener import nodes_on, UNKNOWN
+        from puretf.publisher_listener import nodes_on
         found = descriptions.get(self._source)
         if isinstance(found, str):
             self.why_none = found
@@ -112,7 +113,7 @@ class JointStatePublisher(JointControls):
         topic, before = self._publisher.topic_name, self.warning
         others = {*nodes_on(self._node, topic)} - {self._node.get_fully_qualified_name(), UNKNOWN}
         self.warning = (
-            f'{comma_list(sorted(others), shortened)} publishes on {shortened(topic)}, too: '
+            f'{listed(sorted(others))} publishes on {shortened(topic)}, too: '
             'robot_state_publisher takes both, so the robot jumps. End one of the publishers.'
             ) if others else ''
         if self.warning and not before:

@@ -58,12 +58,9 @@ def receive(states: dict[str, str], message: Any) -> None:
            'do not have a position for each name'
            if len(message.name) != len(message.position) else '')
     if len(states) < _MOST_NAMES:
-        for name in filter(_is_short, message.name[:_MOST_NAMES]):
-            states[name] = why and states.get(name, why)
-
-
-def _is_short(name: str) -> bool:
-    return len(name) <= _LONGEST_NAME
+        for name in message.name[:_MOST_NAMES]:
+            if len(name) <= _LONGEST_NAME:
+                states[name] = why and states.get(name, why)
 
 
 def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, Mapping[str, str]]

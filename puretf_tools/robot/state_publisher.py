@@ -17,7 +17,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from puretf import SECOND, StaticTransformBroadcaster, Transform, TransformBroadcaster
-from puretf._text.names import comma_list, quoted, shortened
+from puretf._causes.facts import listed
+from puretf._text.names import quoted, shortened
 from puretf.publisher_listener import nodes_on
 from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.robot.description import parse
@@ -122,8 +123,7 @@ class RobotStatePublisher(Node):
     def _state_publishers(self) -> str:
         topic = self._states.topic_name
         names = nodes_on(self, topic)
-        return (f'; publishers of {shortened(topic)}: {comma_list(names, shortened)}'
-                if names else '')
+        return f'; publishers of {shortened(topic)}: {listed(names)}' if names else ''
 
     def _warn_of_description(self) -> None:
         warnings = [*self._description.warnings, *(

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from puretf._text.names import abbreviated, quoted, visible
-from puretf_tools.cli.errors import UsageError
+from puretf_tools.cli.parser import UsageError
 
 #: The longest text that is parsed (characters or bytes).
 MAX_SIZE = 10_000_000

@@ -13,7 +13,6 @@ from puretf_tools.cli.progress import listen, wait
 from puretf_tools.inspection.bag_times import span_of, why_outside
 from puretf_tools.inspection.gaps import AnyBuffer, holes_at
 from puretf_tools.inspection.stamp_clock import PATIENCE
-from puretf_tools.inspection.terminal import Once
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -49,10 +48,10 @@ class Source:
             poll()
         return elapsed
 
-    def why_not(self, target: str, source: str, time: int = 0, say: Optional[Once] = None) -> str:
+    def why_not(self, target: str, source: str, time: int = 0) -> str:
         """Return why there is no transform at a time (ns), with a hint; '' if there is one."""
         if self.listener:
-            return self.listener.why_no_transform(target, source, time, say)
+            return self.listener.why_no_transform(target, source, time)
         return why_outside(time, self.span) or self.buffer.why_not(target, source, time)
 
     def lookup(self, target: str, source: str, time: int) -> Transform:

@@ -18,7 +18,7 @@ from puretf.bag import BagError
 from puretf_tools import entry_points
 from puretf_tools.cli import progress, signals
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress
-from puretf_tools.cli.files import check_writable, whole_file
+from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.signals import (
     begin_cleanup,
@@ -81,14 +81,6 @@ def test_a_wrong_option_is_one_line_with_a_hint(failed, parser, argument, hint):
     assert line.endswith(f'{hint}; usage: tool [-h] [--value VALUE] [numbers ...]\n')
 
 
-@pytest.fixture(params=['with ROS', 'without ROS'])
-def ros_arguments(request, monkeypatch):
-    """Where there is no ROS, ROS arguments are removed by the package itself."""
-    if request.param == 'without ROS':
-        monkeypatch.setitem(sys.modules, 'rclpy.utilities', None)
-
-
-@pytest.mark.usefixtures('ros_arguments')
 def test_ros_arguments_and_double_dashes(failed):
     """ROS arguments end at `--`. Old versions of argparse drop a second one before names."""
     parser = Parser('tool', 'It does nothing.')
@@ -430,9 +422,9 @@ def test_where_no_file_can_be_written(tmp_path, name, text):
     """The check says so before the work begins; nothing is replaced."""
     os.mkfifo(tmp_path / 'pipe')
     (tmp_path / 'loop').symlink_to(tmp_path / 'loop')
-    check_writable(tmp_path / 'new')
+    path_to_write(f'{tmp_path}/new', [''])
     with pytest.raises(CommandError, match=rf'^cannot write .*{name}: {text}'):
-        check_writable(tmp_path / name)
+        path_to_write(str(tmp_path / name), [''])
     with pytest.raises(CommandError, match=r'^cannot write '), whole_file(tmp_path / name):
         pass
     assert (tmp_path / 'pipe').is_fifo()

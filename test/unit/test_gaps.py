@@ -37,8 +37,8 @@ def test_a_hole():
     buffer = buffer_of(('odom', 'base', [*steps(1, 3), *steps(7, 9)]))
     hole = Hole('odom', 'base', 3 * SECOND, 7 * SECOND)
     for frames in ('odom', 'base'), ('base', 'odom'):
-        assert holes(buffer, *frames, [6.99, 2.05, 3.0, 3.000000001, 7.0, 0.5, 9.5]) == [
-            hole, None, None, hole, None, None, None]
+        assert holes(buffer, *frames, [0.5, 2.05, 3.0, 3.000000001, 6.99, 7.0, 9.5]) == [
+            None, None, None, hole, hole, None, None]
 
 
 @pytest.mark.parametrize(('stamps', 'time'), [
@@ -60,7 +60,7 @@ def test_a_given_limit():
     """A step that is as long is not a hole; edges that do not move have none."""
     buffer = buffer_of(('odom', 'base', [1.0, 1.1, 1.3]), ('base', 'arm', None))
     hole = Hole('odom', 'base', 1100 * 10**6, 1300 * 10**6)
-    assert holes(buffer, 'odom', 'arm', [1.2, 1.05], 200 * 10**6 - 1) == [hole, None]
+    assert holes(buffer, 'odom', 'arm', [1.05, 1.2], 200 * 10**6 - 1) == [None, hole]
     assert holes(buffer, 'odom', 'arm', [1.2], 200 * 10**6) == [None]
     assert holes(buffer, 'base', 'arm', [1.2], 0) == [None]
 
@@ -85,7 +85,7 @@ def moves(draw):
         'odom': draw(stamps), 'cart': draw(stamps)}
 
 
-@given(moves(), st.lists(st.integers(0, 31)), st.integers(0, 9))
+@given(moves(), st.lists(st.integers(0, 31)).map(sorted), st.integers(0, 9))
 def test_holes_on_a_path_that_changes(given, times, longest):
     """At each time, the edges are those of the parents at this time."""
     base, others = given
