@@ -227,7 +227,9 @@ class _Counter:
 
 def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms and to what is beside them; add what the ROS graph knows."""
-    from puretf.publisher_listener import nodes_on, TransformSampler
+    from rclpy.qos import DurabilityPolicy
+
+    from puretf.publisher_listener import node_of, nodes_on, TransformSampler
     from puretf_tools.inspection.clock_sampler import SimTimeSurvey
     from puretf_tools.inspection.header_sampler import HeaderSampler
     from puretf_tools.robot.description_listener import RobotListener
@@ -260,7 +262,11 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
             present=listener.present, mismatches=[*_mismatches(node, around)],
-            volatile_listeners=_volatile_listeners(node, static), headers=headers.headers,
+            volatile_listeners=[
+                node_of(info) for info in node.get_subscriptions_info_by_topic(static)
+                if info.topic_type == TF_MESSAGE
+                and info.qos_profile.durability == DurabilityPolicy.VOLATILE],
+            headers=headers.headers,
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
             clocks=clock.senders(), clears=clock.jumps, use_sim_time={**survey.answers},
@@ -300,15 +306,6 @@ def _mismatches(node: 'Node', around: Surroundings) -> Iterator[tuple[Publisher,
                     name = node_of(listener).replace(UNKNOWN, 'an unknown listener')
                     yield each, f'{name} ({reason.replace("ERROR: ", "").rstrip(";. ")})'
                     break
-
-
-def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
-    from rclpy.qos import DurabilityPolicy
-
-    from puretf.publisher_listener import node_of
-    return [node_of(info) for info in node.get_subscriptions_info_by_topic(topic)
-            if info.topic_type == TF_MESSAGE
-            and info.qos_profile.durability == DurabilityPolicy.VOLATILE]
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

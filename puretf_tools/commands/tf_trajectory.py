@@ -210,7 +210,7 @@ def command(target_frame: Optional[str] = None, source_frame: Optional[str] = No
             raise CommandError(found.why_not(*ends) or str(error)) from None
     if found.listener:
         forget_signals()  # another one ends the command
-    stamps = _stamps(ends, edges) if reader.stamps is None else reader.stamps
+    stamps = _stamps(found, *ends) if reader.stamps is None else reader.stamps
     times = _times(stamps, found.span, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
@@ -250,9 +250,9 @@ def _output_path(output: str, twist: bool) -> Path:
     return path
 
 
-def _stamps(ends: tuple[str, str], edges: gaps.Edges) -> NDArray[np.int64]:
+def _stamps(found: Source, target: str, source_frame: str) -> NDArray[np.int64]:
     """Return the stamps of a path (ns); raise a CommandError if there are none."""
-    stamps, (target, source_frame) = gaps.stamps_of(edges), ends
+    stamps = found.buffer.path_stamps(target, source_frame)
     if not len(stamps):
         raise CommandError('both frames are the same' if target == source_frame else
                            f'{source_frame!r} never moves in {target!r}: there is no dynamic '

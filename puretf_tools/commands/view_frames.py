@@ -16,7 +16,7 @@ from puretf_tools.cli.signals import check_signals, sleep
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
 from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
-from puretf_tools.inspection.traffic import rate_of
+from puretf_tools.inspection.traffic import rate_text
 from puretf_tools.source import source
 
 if TYPE_CHECKING:
@@ -33,15 +33,10 @@ def format_tree(forest: Forest, now: int) -> list[str]:
     """Draw trees as text, with rates, ages at a time (ns) and publishers."""
     rows = []
     for branches, name, frame in forest.lines():
-        rate = age = ''
-        if frame is not None and not frame.is_static:
-            hertz = rate_of(frame)
-            rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
-            age = _age(now, frame.latest)
-        elif frame is not None:
-            rate = 'static'
-        rows.append((branches + shortened(name), f'{rate:>9}', f'{age:>13}',
-                     shortened(frame.authority) if frame else ''))
+        rate, age, publisher = (
+            rate_text(frame), '' if frame.is_static else _age(now, frame.latest),
+            shortened(frame.authority)) if frame else ('', '', '')
+        rows.append((branches + shortened(name), f'{rate:>9}', f'{age:>13}', publisher))
     return columns(rows)
 
 

@@ -7,7 +7,7 @@ from puretf import exact_time, Frame, in_seconds
 from puretf._text.names import shortened, visible
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.terminal import columns, wrapped
-from puretf_tools.inspection.traffic import rate_of
+from puretf_tools.inspection.traffic import rate_text
 
 if TYPE_CHECKING:
     from puretf import BufferCore, TransformBuffer
@@ -30,15 +30,10 @@ class Explanation(NamedTuple):
     def __str__(self) -> str:
         """Return the edges, and whether there is a transform."""
         first, second = map(shortened, self.ends)
-        rows = []
-        for frame in self.path:
-            hertz = rate_of(frame)
-            rows.append([
-                f'{shortened(frame.parent)} -> {shortened(frame.name)}',
-                'static' if frame.is_static else '?' if hertz is None else f'{hertz:.1f} Hz',
-                '' if frame.is_static else
-                f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
-                shortened(frame.authority)])
+        rows = [[
+            f'{shortened(frame.parent)} -> {shortened(frame.name)}', rate_text(frame),
+            '' if frame.is_static else f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
+            shortened(frame.authority)] for frame in self.path]
         lines = []
         for line, frame in zip(columns(rows), self.path):
             lines.append(line)

@@ -125,8 +125,6 @@ class Observation:
             self.not_known.setdefault(
                 'arrivals', 'the bag was recorded with another clock than that of the stamps; '
                 f'they are about {in_words(self.clock.stream.mean_delay)} apart')
-        #: The clock of the stamps; None: it is not known.
-        self.stamp_clock = None if 'arrivals' in self.not_known else self.statistics.clock
 
     def is_own(self, topic: str) -> bool:
         """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
@@ -190,7 +188,8 @@ class Observation:
             *(each.arrivals for each in {*map(self.stream, self.by_child)}),
             *(np.array(each.arrivals, np.int64) for each in self.own_headers.values())])
         span = int(arrivals.min(initial=NEVER)), int(arrivals.max(initial=0))
-        return [judge(topic, headers, self._edges_above, span, self.stamp_clock)
+        clock = None if 'arrivals' in self.not_known else self.statistics.clock
+        return [judge(topic, headers, self._edges_above, span, clock)
                 for topic, headers in sorted(self.own_headers.items())]
 
     def dynamic_tracks(self, child: str) -> list[Track]:

@@ -51,12 +51,6 @@ class Hole(NamedTuple):
         return f'between {begin:{sign}.2f} and {end:{sign}.2f} s'
 
 
-def stamps_of(edges: Edges) -> NDArray[np.int64]:
-    """Return the stamps of the edges of a path (ns), each once, as `path_stamps` of a buffer."""
-    return np.unique(np.concatenate([np.empty(0, np.int64), *(
-        edge.stamps[slice(*_part(edge.stamps, edge.begin, edge.end))] for edge in edges)]))
-
-
 def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = None
              ) -> NDArray[np.object_]:
     """

@@ -43,6 +43,13 @@ def rate_of(frame: Frame) -> Optional[float]:
     return rate(frame.length, frame.oldest, frame.latest)
 
 
+def rate_text(frame: Frame) -> str:
+    if frame.is_static:
+        return 'static'
+    hertz = rate_of(frame)
+    return '? Hz' if hertz is None else f'{hertz:.1f} Hz'
+
+
 def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
     """
     Return the publishers that a node creates one after another, as in the callback of a timer.
