@@ -9,15 +9,14 @@ from puretf._text.names import shortened
 from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import spinning_node
-from puretf_tools.cli.page_options import add_page_options, HOST
+from puretf_tools.cli.page_options import add_page_options
 from puretf_tools.cli.parser import Parser
 from puretf_tools.robot import parse, read
 from puretf_tools.robot.descriptions import TOPIC
 
 
-def command(file: Optional[str] = None, arguments: Mapping[str, str] = {},
-            host: str = HOST, port: Optional[int] = None, meshes: Sequence[str] = (),
-            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
+def command(file: Optional[str], arguments: Mapping[str, str], host: str, port: Optional[int],
+            meshes: Sequence[str], namespace: str, ros_args: Sequence[str]) -> int:
     """Publish the joints of a file, or of the topic robot_description, until a signal."""
     description = None
     if file is not None:

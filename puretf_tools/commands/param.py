@@ -131,8 +131,7 @@ def _value_text(value: ParameterValue) -> str:
     return str(value) if isinstance(value, (int, float, str)) else str(list(value))
 
 
-def command(node: str, name: Optional[str] = None, value: Optional[str] = None, *,
-            ros_args: Sequence[str] = ()) -> int:
+def command(node: str, name: Optional[str], value: Optional[str], ros_args: Sequence[str]) -> int:
     """Print the parameters of a node, or set one parameter and print its new value."""
     with spinning_node('param', ros_args) as local_node:
         parameters = Parameters(local_node, f'/{node.removeprefix("/")}')

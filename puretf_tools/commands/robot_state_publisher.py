@@ -11,8 +11,8 @@ from puretf_tools.robot import read
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 
-def command(file: Optional[str] = None, arguments: Mapping[str, str] = {},
-            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
+def command(file: Optional[str], arguments: Mapping[str, str], namespace: str,
+            ros_args: Sequence[str]) -> int:
     """Publish the robot of a file, or of the parameter robot_description, until a signal."""
     text = '' if file is None else read(file, arguments)
 

@@ -50,10 +50,9 @@ def _bracketed(values: Sequence[float], precision: int) -> str:
     return f'[{", ".join(fixed_point(value, precision) for value in values)}]'
 
 
-def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = None,
-            rate: Optional[float] = None, time: When = LATEST, precision: int = PRECISION,
-            once: bool = False, bag: Optional[BagOption] = None, namespace: str = '', *,
-            ros_args: Sequence[str] = ()) -> int:
+def command(source_frame: str, target_frame: str, echo_rate: Optional[float],
+            rate: Optional[float], time: When, precision: int, once: bool,
+            bag: Optional[BagOption], namespace: str, ros_args: Sequence[str]) -> int:
     """
     Print the pose of the target frame in the source frame.
 

@@ -109,8 +109,8 @@ def _rate_and_delays(row: NodeTraffic) -> str:
     return f'{hertz:>6} Hz {average:13.6f} s {maximum:11.6f} s'
 
 
-def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None,
-            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
+def command(source_frame: Optional[str], target_frame: Optional[str], namespace: str,
+            ros_args: Sequence[str]) -> int:
     """Print the rates and delays of received transforms every second, until Ctrl-C."""
     if source_frame and not target_frame:
         raise UsageError('give two frames, or none to monitor all frames')

@@ -18,7 +18,7 @@ from puretf._text.names import TF_MESSAGE, visible
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME, progress
+from puretf_tools.cli.progress import progress
 from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
@@ -43,11 +43,10 @@ if TYPE_CHECKING:
 _POLL = 0.05
 
 
-def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: When = LATEST,
-            seconds: float = DEFAULT_TIME, as_json: bool = False,
-            ignore: Sequence[str] = (), list_codes: bool = False,
-            bag: Optional[BagOption] = None, namespace: str = '', jobs: Optional[int] = None,
-            words: Optional[Sequence[str]] = None, *, ros_args: Sequence[str] = ()) -> int:
+def command(frame_a: Optional[str], frame_b: Optional[str], t: When, seconds: float,
+            as_json: bool, ignore: Sequence[str], list_codes: bool, bag: Optional[BagOption],
+            namespace: str, jobs: Optional[int], words: Optional[Sequence[str]],
+            ros_args: Sequence[str]) -> int:
     """Print what is wrong with the transforms, or explain the path between two frames."""
     if frame_a and not frame_b:
         raise UsageError('give two frames to explain the path between them, or none to check '

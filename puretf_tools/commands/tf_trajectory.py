@@ -21,7 +21,7 @@ from puretf._text.names import shortened, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, frame_name, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME, listen, progress
+from puretf_tools.cli.progress import listen, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.cli.times import seconds, When, when
 from puretf_tools.inspection import gaps, recorded
@@ -171,13 +171,10 @@ def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     return wrapped
 
 
-def command(target_frame: Optional[str] = None, source_frame: Optional[str] = None,
-            output: Optional[str] = None, every: Optional[int] = None,
-            at: Optional[str] = None, start: Optional[When] = None, stop: Optional[When] = None,
-            max_gap: Optional[int] = None, twist: bool = False, topic: Optional[str] = None,
-            seconds: float = DEFAULT_TIME,
-            bag: Optional[BagOption] = None, namespace: str = '', *,
-            ros_args: Sequence[str] = ()) -> int:
+def command(target_frame: Optional[str], source_frame: Optional[str], output: Optional[str],
+            every: Optional[int], at: Optional[str], start: Optional[When], stop: Optional[When],
+            max_gap: Optional[int], twist: bool, topic: Optional[str], seconds: float,
+            bag: Optional[BagOption], namespace: str, ros_args: Sequence[str]) -> int:
     """
     Write or draw the poses of the source frame in the target frame over time.
 

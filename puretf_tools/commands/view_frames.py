@@ -11,7 +11,6 @@ from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, frame_name, Parser, run, UsageError
-from puretf_tools.cli.progress import DEFAULT_TIME
 from puretf_tools.cli.signals import check_signals, sleep
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
@@ -47,9 +46,8 @@ def _age(now: int, stamp: int) -> str:
     return f'{seconds:.3f} s old' if seconds > -0.0005 else f'{-seconds:.3f} s ahead'
 
 
-def command(output: str = 'frames', seconds: float = DEFAULT_TIME, text: bool = False,
-            watch: bool = False, bag: Optional[BagOption] = None, namespace: str = '',
-            root: Optional[str] = None, *, ros_args: Sequence[str] = ()) -> int:
+def command(output: str, seconds: float, text: bool, watch: bool, bag: Optional[BagOption],
+            namespace: str, root: Optional[str], ros_args: Sequence[str]) -> int:
     """Listen to transforms for some time, or read a bag; then draw the tree of frames."""
     if bag and watch:
         raise UsageError('--watch is for listening: leave it out with --bag')

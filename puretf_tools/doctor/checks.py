@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from puretf import Frame, SECOND
+from puretf import SECOND
 from puretf._causes.clocks import apart, known_offset
 from puretf._causes.explanation import explain
 from puretf._causes.facts import Facts, listed, OTHER_CLOCK
@@ -25,7 +25,7 @@ from puretf_tools.doctor.observation import is_in_time, Observation, total
 from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
-from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.forest import loops
 from puretf_tools.inspection.gaps import in_words
 from puretf_tools.inspection.robots import joint_states_of
 
@@ -247,9 +247,7 @@ def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
 @_check('loop', 'Remove one of them: the frame at the top, such as map, has no parent.', 'other')
 def _loop(observation: Observation) -> Iterator[_Fault]:
     """Find frames that are parents of each other in a circle; lookups through them fail."""
-    forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
-                    for child, parent in observation.parents.items())
-    for loop in forest.loops:
+    for loop in loops(observation.parents):
         tracks = [track for name in loop for track in observation.by_child[name]]
         names = [*loop[:SHOWN], *['...'] * (len(loop) > SHOWN), loop[0]]
         yield _Fault(f'{len(loop)} frame{"s" * (len(loop) > 1)} in a loop: '

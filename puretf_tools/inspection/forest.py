@@ -37,7 +37,7 @@ class Forest:
             self._children.setdefault(frame.parent, []).append(frame.name)
         self.roots = [name for name in self._children if name not in self.frames]
         #: In each loop, a frame is the parent of the next one, and the last one that of the first.
-        self.loops = list(self._find_loops())
+        self.loops = loops({frame.name: frame.parent for frame in self.frames.values()})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,19 +53,6 @@ class Forest:
                     found[name] = self.frames[name]
                     pending.append(name)
         return Forest(found.values(), root)
-
-    def _find_loops(self) -> Iterator[list[str]]:
-        seen = set(self.roots)
-        for start in self.frames:
-            path: dict[str, None] = {}
-            name = start
-            while name not in seen:
-                seen.add(name)
-                path[name] = None
-                name = self.frames[name].parent
-            if name in path:
-                loop = list(path)[list(path).index(name):]
-                yield loop[::-1]
 
     def lines(self) -> Iterator[TreeLine]:
         """Draw the trees; a loop is a tree whose root appears once more, as a leaf."""
@@ -92,6 +79,20 @@ class Forest:
             lines.append((TreeLine(prefix + branch, child, self.frames[child]), indent + rest,
                           level + 1))
         return lines[::-1]
+
+
+def loops(parents: Mapping[str, str]) -> list[list[str]]:
+    """Return the loops, as `Forest.loops`, of what has parents, by name."""
+    found, seen = [], set[str]()
+    for name in parents:
+        path: list[str] = []
+        while name in parents and name not in seen:
+            seen.add(name)
+            path.append(name)
+            name = parents[name]
+        if name in path:
+            found.append(path[path.index(name):][::-1])
+    return found
 
 
 def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """The description of a robot, parsed from URDF; needs no ROS."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from math import hypot, inf
 from numbers import Real
 import sys
@@ -12,7 +13,7 @@ from puretf._text.names import comma_list, LONGEST_NAME, quoted
 from puretf._text.similar_names import suggest_names
 from puretf.exceptions import described
 from puretf.rotations import conjugate, multiply, quaternion_about_axis, signed
-from puretf_tools.inspection.forest import descend
+from puretf_tools.inspection.forest import descend, loops
 from puretf_tools.robot.shapes import origin, Pose, Shape, shapes
 from puretf_tools.robot.urdf_text import attribute, numbers, refuse, robot_element
 
@@ -240,6 +241,12 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
     return roots[0], parents
 
 
+class _Follower(NamedTuple):
+    parent: str  #: the joint that it follows
+    multiplier: float
+    offset: float
+
+
 def mimic_rules(movable: Mapping[str, Joint]) -> dict[str, tuple[str, float, float]]:
     """
     Return, by the name of each joint, the free joint that it follows, a multiplier and an offset.
@@ -247,26 +254,16 @@ def mimic_rules(movable: Mapping[str, Joint]) -> dict[str, tuple[str, float, flo
     A joint is free, and follows itself, if it has no mimic, or that of itself, in a loop, of a
     joint that is not among these, or with numbers above `LARGEST`.
     """
-    rules: dict[str, tuple[str, float, float]] = {}
-    for name in movable:
-        path: list[str] = []
-        passed: set[str] = set()
-        while name not in rules and name not in passed:
-            path.append(name)
-            passed.add(name)
-            mimic = movable[name].mimic
-            if mimic is None or mimic.joint not in movable:
-                rules[name] = name, 1.0, 0.0
-            else:
-                name = mimic.joint
-        if name not in rules:  # a loop
-            for each in path[path.index(name):]:
-                rules[each] = each, 1.0, 0.0
-        for each in reversed(path):
-            if each not in rules and (mimic := movable[each].mimic):
-                master, multiplier, offset = rules[mimic.joint]
-                multiplier *= mimic.multiplier
-                offset = mimic.multiplier * offset + mimic.offset
-                is_sane = abs(multiplier) <= LARGEST and abs(offset) <= LARGEST
-                rules[each] = (master, multiplier, offset) if is_sane else (each, 1.0, 0.0)
+    followers = {name: _Follower(*joint.mimic) for name, joint in movable.items()
+                 if joint.mimic and joint.mimic.joint in movable}
+    in_loops = chain(*loops({name: each.parent for name, each in followers.items()}))
+    free = movable.keys() - followers.keys() | {*in_loops}
+
+    def rule(name: str, followed: tuple[str, float, float]) -> tuple[str, float, float]:
+        (_, factor, summand), (master, multiplier, offset) = followers[name], followed
+        multiplier, offset = factor * multiplier, factor * offset + summand
+        is_sane = abs(multiplier) <= LARGEST and abs(offset) <= LARGEST
+        return (master, multiplier, offset) if is_sane else (name, 1.0, 0.0)
+
+    rules = descend(followers, {name: (name, 1.0, 0.0) for name in free}, rule)
     return {name: rules[name] for name in movable}

@@ -32,11 +32,6 @@ class JointPositions:
         for name, position in before.items():
             self.set(name, position)
 
-    @property
-    def masters(self) -> dict[str, str]:
-        """By the name of each movable joint: the free joint that it follows, or is."""
-        return {name: master for name, (master, _, _) in self._rules.items()}
-
     def __getitem__(self, name: str) -> float:
         """Return the position of a free joint."""
         return self._values[name]

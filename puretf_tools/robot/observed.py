@@ -6,8 +6,8 @@ from typing import Any
 
 from puretf.bag import BagMessage
 from puretf_tools.inspection.robots import joint_states_of, Robot
+from puretf_tools.robot.description import mimic_rules
 from puretf_tools.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
-from puretf_tools.robot.joint_positions import JointPositions
 from puretf_tools.robot.urdf_text import MAX_SIZE
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -69,10 +69,9 @@ def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, Map
     if isinstance(description, str):
         return Robot(topic, problem=description)
     joints: dict[str, list[str]] = {}
-    masters = JointPositions(description).masters
-    for joint in description.joints:
-        if joint.name in masters:
-            joints.setdefault(masters[joint.name], []).append(joint.child)
+    movable = {joint.name: joint for joint in description.joints if joint.is_movable}
+    for name, (master, _, _) in mimic_rules(movable).items():
+        joints.setdefault(master, []).append(movable[name].child)
     floating = {joint.child for joint in description.joints
                 if joint.kind in ('planar', 'floating')}
     if floating.issuperset(joint.child for joint in description.joints
