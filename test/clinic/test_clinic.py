@@ -30,7 +30,8 @@ def test_an_error_has_its_cause(world, lookup):
     assert error.causes == (*lookup.causes,), text
     assert all(word in text for word in lookup.words), text
     assert not any(word in text for word in lookup.not_words), text
-    assert 'More: tf_doctor --explain ' in text
+    section = RULES[lookup.causes[0]].section if lookup.causes else ''
+    assert f'More: tf_doctor --explain {section}' in text
     words = re.split(r'does not exist\. |unconnected trees\. |\]\. ', text)[1].split()
     assert len(words) <= 60, text
 

@@ -136,18 +136,6 @@ def test_a_namespace(ros, make_node):
     assert states[0].name == ['shoulder', 'grip', 'lift']
 
 
-@pytest.mark.parametrize(('text', 'problem'), [
-    ('no XML', 'not valid XML'), ('<robot name="a"/>', 'the robot has no link')])
-def test_a_file_that_is_none(domain_id, tmp_path, text, problem):
-    """It is refused in one line."""
-    path = tmp_path / 'bad.urdf'
-    path.write_text(text)
-    code, output, error = call(main, str(path), domain=domain_id)
-    assert (code, output, error.count('\n')) == (2, '', 1)
-    assert error.startswith('joint_state_publisher: ')
-    assert problem in error
-
-
 @pytest.mark.parametrize('rate', ['0', '-1.0', '1001', '.nan', 'fast', 'true'])
 def test_a_rate_that_is_none(domain_id, urdf, rate):
     """It is refused in one line."""

@@ -9,7 +9,7 @@ import signal
 
 from cli_runner import call
 from geometry_msgs.msg import PointStamped
-from processes import cpu_seconds, TIMEOUT, tool, tool_without_ros
+from processes import cpu_seconds, TIMEOUT, tool
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -134,13 +134,6 @@ def test_publishers_and_headers(ros, other):
         'other_clock': (['wheel'], ['/tf'], ['/other'])}
     assert '(/other) are not reliable: ' in finding_of(data, 'incompatible_qos')['evidence']
     assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
-
-
-def test_a_section_without_ros(start):
-    """The command at the end of an error works wherever the package is installed."""
-    process = start(*tool_without_ros('tf_doctor', '--explain', 'clock'))
-    assert process.exit_code() == 0
-    assert process.output.startswith('use_sim_time and the wall clock\n\nCause. Some nodes ')
 
 
 URDF = """<robot name="gripper">

@@ -52,16 +52,6 @@ def test_watch_prints_until_a_signal(start, arm_domain):
     process.end_normally(signal.SIGTERM)
 
 
-def test_a_publisher_is_named_by_its_node(ros, publish_static, make_node):
-    """Each line ends with the full name of the node that publishes the frame."""
-    publish_static(('map', 'ours'))
-    StaticTransformBroadcaster(make_node('theirs', namespace='/robot')).sendTransform(
-        stamped('map', 'theirs'))
-    lines = r'ours +static +/test\n', r'theirs +static +/robot/theirs\n'
-    assert call(main, '--watch', domain=ros.domain, until=lambda text: all(
-        re.search(line, text) for line in lines)).code == 0
-
-
 def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_path):
     """No file is written; tf2 writes a PDF that says that there is no data."""
     monkeypatch.setattr(progress, 'DISCOVERY', 0.1)
@@ -98,16 +88,6 @@ def test_a_live_tree_on_a_terminal(arm_domain):
                   until=lambda text: text.count(f'{CLEAR}map\r\n└── base_link ') > 1)
     assert result.code == 0
     assert '└── end_effector' in result.stdout
-
-
-def test_a_live_tree_says_how_much_of_it_is_not_shown(ros, publish_static):
-    """The tree is longer than the 24 lines of the terminal."""
-    publish_static(*(('map', f'frame_{i}') for i in range(30)))
-    result = call(main, '--watch', domain=ros.domain, columns=80,
-                  until=lambda text: 'more lines' in text)
-    screen = result.stdout.rpartition(CLEAR)[2].splitlines()
-    assert len(screen) == 23
-    assert screen[-1] == '... 9 more lines (pipe the output to see all)'
 
 
 def test_a_live_tree_waits_for_its_root(ros, publish_static):

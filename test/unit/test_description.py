@@ -420,25 +420,16 @@ def test_the_first_child_of_a_geometry_is_the_shape():
         "link 'a': <geometry> has more than <mesh>: <material> is ignored")
 
 
-def test_textures_are_no_colors():
-    """PR2 had ten lines for them; the page says nothing of those of a link, either."""
-    found = parse(robot(
-        '<material name="skin"><texture filename="skin.png"/></material>', link(
-            'a', 10 * '<visual><geometry><sphere radius="1"/></geometry>'
-                      '<material name="skin"/></visual>')))
-    assert {shape.rgba for shape in found.visuals} == {None}
-    assert not found.warnings
-
-
 @pytest.mark.parametrize(('material', 'warning'), [
     ('<material name="m"><color rgba="217 38 25 1"/></material>', 'rgba must be four numbers'),
     ('<material name="m"><color rgba="1 0 0"/></material>', 'rgba must be four numbers'),
     ('<material name="none"/>', "there is no material 'none' with a color"),
-    ('<material name="blue"/>', ''), ('', ''),
+    ('<material name="blue"/>', ''), ('', ''), ('<material name="skin"/>', ''),
     ('<material name="m"><texture filename="a.png"/></material>', '')])
 def test_colors_that_are_ignored_are_named(material, warning):
     """The shape is drawn all the same."""
-    text = robot('<material name="blue"><color rgba="0 0 1 1"/></material>', link(
+    text = robot('<material name="blue"><color rgba="0 0 1 1"/></material>'
+                 '<material name="skin"><texture filename="skin.png"/></material>', link(
         'base', f'<visual><geometry><sphere radius="1"/></geometry>{material}</visual>'))
     found = parse(text)
     assert len(found.visuals) == 1
@@ -496,7 +487,8 @@ def test_any_text_is_parsed_or_refused(insertion, begin, length):
     lambda text: (DATA / 'robots' / 'leading_newline.urdf').read_text(),
     lambda text: f' \t\n<?xml version="1.0" encoding="UTF-16"?>{text}',
     lambda text: f'<!-- a -- b --->{text}<!---->',
-    lambda text: text.replace('<link', '<gazebo:plugin gazebo:a="1"/><link')])
+    lambda text: text.replace('<link', '<gazebo:plugin gazebo:a="1"/><link'),
+    lambda text: text.replace('<robot', '<robot xmlns="http://example.org"')])
 def test_xml_that_tinyxml2_takes(change):
     """So does urdfdom 4.0.1, which parses by it."""
     description = parse(change(robot(link('a'))))
@@ -509,12 +501,6 @@ def test_the_line_of_an_error_is_that_of_the_text():
     with pytest.raises(DescriptionError, match='mismatched tag: line 6, column 2'):
         parse('\n<?xml version="1.0"?>\n<!-- a\n-- b -->\n<robot name="r"><link name="a">\n'
               '</robot>')
-
-
-def test_a_default_namespace_is_ignored():
-    """Urdfdom does not know namespaces."""
-    text = robot(links=['base']).replace('<robot', '<robot xmlns="http://example.org"')
-    assert parse(text).links == ('base',)
 
 
 def test_of_two_parents_the_last_one_counts():
