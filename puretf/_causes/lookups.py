@@ -282,7 +282,7 @@ for _code, _lack, _remedy in (
 def _other_namespace(facts: Facts) -> Iterator[Evidence]:
     """Find transforms on the topic tf of a namespace, while /tf has none."""
     around = facts.around
-    if around.other_topics and len(around.topics) > 1:
+    if around.other_topics:
         yield Evidence(f'No transform has arrived on {around.topics[-1]}, but transforms are '
                        f'published on {listed(around.other_topics)}',
                        {'topic': shortened(around.other_topics[0])}, topics=around.topics[-1:])

@@ -46,7 +46,8 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     """Initialise ROS for a `with` block, then shut it down; raise the errors of `run_node`."""
     # The first rule that fits a name is used, so the user's own rules come first.
     arguments = [*ros_args, *_namespace_args(namespace)]
-    clear_shared_memory(ros_args)
+    for line in remove_unfinished_ports():  # with these files, ROS would hang
+        print(f'{ros_args[0]}: warning: {line}', file=sys.stderr)
     try:
         _check(arguments)
         # The signal handlers of rclpy would shut down the context while a node is using it.
@@ -74,12 +75,6 @@ def _check(ros_args: list[str]) -> None:
 def rcl_error_text(error: Exception) -> str:
     """Return the first line of an rcl error, without locations in rcl's source code."""
     return re.sub(r', at \S+:\d+.*', '', str(error).partition('\n')[0])
-
-
-def clear_shared_memory(ros_args: Sequence[str]) -> None:
-    """Remove the files in shared memory with which ROS would hang; print a line for each."""
-    for line in remove_unfinished_ports():
-        print(f'{ros_args[0]}: warning: {line}', file=sys.stderr)
 
 
 @contextmanager

@@ -407,7 +407,7 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
 
 def _is_off(track: Track) -> bool:
     offset = 0 if track['foreign'] else track.stream.offset or 0
-    return offset > CACHE_TIME or (offset < -LATE and bool(known_offset(offset)))
+    return offset > CACHE_TIME or bool(known_offset(offset))
 
 
 def _step_text(tracks: Sequence[Track]) -> str:

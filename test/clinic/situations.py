@@ -524,6 +524,11 @@ FAULTY = [
         ['many_publishers']),
     Situation('a node creates a broadcaster in each callback, and sends nothing', World(
         [Sender('/arm')] * 30), [], ['many_publishers']),
+    Situation('two nodes send a static transform of one frame', World([
+        Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
+        Sender('/a', ['arm camera'], 0, '/tf_static', begin=-8.0),
+        Sender('/b', ['table camera'], 0, '/tf_static', begin=-7.0)]),
+        [Lookup('base', 'camera', ['changing_parent'], ("'arm' (static) by /a", 'by /b'))]),
     Situation('two static transforms that differ by 15 mm', World([DRIVER, LASER, LASER._replace(
         node='/camera', pose=lambda _: (0.015, *STILL[1:]))]), [], ['two_publishers']),
     *(Situation(f'a scan on {topic} in the frame {frame}', World([DRIVER, LASER], sensors=[
@@ -611,11 +616,6 @@ THOUGHT_OF = [
         [Lookup('map', 'laser', ['half_namespace'], not_words=['To listen'])]),
     Situation('only the suffix is the same', World([DRIVER, LASER]),
               [Lookup('odom', 'tool_link', not_words=['Nearest'])]),
-    Situation('two nodes send a static transform of one frame', World([
-        Sender('/rsp', ['base arm', 'world table'], 0, '/tf_static', begin=-9.0),
-        Sender('/a', ['arm camera'], 0, '/tf_static', begin=-8.0),
-        Sender('/b', ['table camera'], 0, '/tf_static', begin=-7.0)]),
-        [Lookup('base', 'camera', ['changing_parent'], ("'arm' (static) by /a", 'by /b'))]),
     Situation('the localiser has ended, and the latest pose is asked', World([
         AMCL._replace(begin=-60.0, end=-15.0, has_ended=True), DRIVER._replace(begin=-60.0),
         LASER], has_gids=True), [Lookup('map', 'laser', ['gap'], ('/amcl', 'Start /amcl again'))]),
