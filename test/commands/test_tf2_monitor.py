@@ -29,12 +29,7 @@ def test_all_frames_until_a_signal(start, arm_domain):
     """It prints the rates of all frames and nodes."""
     process = start(*tool('tf2_monitor'), domain=arm_domain)
     process.line_with('RESULTS: for all frames, over the last 10 s')
-    for line in (r'  base_link  +static  +/dummy_arm\n',
-                 rf'  end_effector  +{RATE_AND_DELAYS}  /dummy_arm\n',
-                 rf'  joint_2  +{RATE_AND_DELAYS}  /dummy_arm\n',
-                 rf' +{RATE_AND_DELAYS}  /dummy_arm\n'):
-        while not re.search(f'^{line}', process.output, re.MULTILINE):
-            assert process.line(), process.output
+    process.line_with('  end_effector ')
     process.end_normally()
 
 

@@ -90,20 +90,6 @@ def test_robots_that_share_a_map():
 # Joint states
 
 
-def joints(*senders):
-    """Return arguments of an observation with these senders of joint states."""
-    return {'joint_senders': {'/joint_states': senders}}
-
-
-@pytest.mark.parametrize('senders', [
-    [sender('/arm', 'turn'), sender('/gripper', 'grip')],
-    [sender('/old', 'turn'), sender('/new', 'turn', first=1001, last=2000)],
-    [sender('/driver', 'turn')]])
-def test_healthy_joint_states(senders):
-    """Each node may send joints of its own, and a node may be started again."""
-    assert codes(**joints(*senders)) == set()
-
-
 def test_joint_states_of_another_robot():
     """A topic in a namespace with transforms of its own is not judged."""
     senders = sender('/a', 'turn'), sender('/b', 'turn')
@@ -135,26 +121,6 @@ def test_stamps_of_the_future(lead, ahead, others, found, remedy):
     assert (f'{finding.severity} {finding.code}', finding.frames) == (found, ('odom',))
     assert remedy in finding.remedy
     assert ('TAI - UTC' in finding.evidence) == (lead(0) == 37_000)
-
-
-@pytest.mark.parametrize(('stamp', 'words'), [
-    (lambda time: time - 315_964_782_000, '(the GPS epoch)'),
-    (lambda time: time + 2 * 3600 * 1000, '(2 hours: a time zone)'),
-    (lambda time: time - T // MS + 1_868_000,
-     '(near 0, as since power-on)'),
-    (lambda time: time - 1_000_000, '')])
-def test_stamps_of_another_clock(stamp, words):
-    """A known difference is said; use_sim_time is no cause if nothing publishes /clock."""
-    content = [tf(i * 20, stamp(i * 20), 'map odom') for i in range(200)]
-    (finding,) = examine(observed(content, [])).findings
-    assert finding.code == 'other_clock'
-    assert f's {words}'.rstrip() in finding.evidence
-    assert ('(' in finding.evidence) == bool(words)
-    assert 'use_sim_time' not in finding.remedy
-    for ahead, remedy in (stamp(0), True), (10**9, False):
-        clocks = [sender('/gazebo', last=3980, ahead=ahead)]
-        (finding,) = examine(observed(content, [], clocks=clocks)).findings
-        assert ('use_sim_time' in finding.remedy) == remedy
 
 
 @pytest.mark.parametrize(('shift', 'code'), [(-5000, 'late'), (5000, 'future')])

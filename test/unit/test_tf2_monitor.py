@@ -4,14 +4,6 @@ from puretf_tools.commands.tf2_monitor import format_traffic
 from puretf_tools.inspection.traffic import NodeTraffic, Summary
 
 
-def test_a_blank_at_the_end_of_a_name_shows():
-    """It is quoted in the table, and in the warning of two publishers."""
-    rows = [NodeTraffic('base_link ', node, True, True, None, None) for node in ('/a', '/b')]
-    warning, *lines = format_traffic(rows)
-    assert warning.startswith("Warning: 'base_link ' is published by ")
-    assert sum(line.startswith("  'base_link ' ") for line in lines) == 2
-
-
 def test_lines():
     """The columns of the table fit the longest name; unusual rows are marked."""
     moving = Summary(50.04, 0.00123449, 0.25)

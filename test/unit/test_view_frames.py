@@ -76,23 +76,6 @@ def test_an_age_is_not_negative(now, age):
     assert line.split(maxsplit=4)[-1].startswith(age)
 
 
-def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
-    """The columns of the other lines are as they would be without the long name."""
-    name = f'begin{"-" * 3000}end'
-    short = [static('base', 'map'), dynamic('arm', 'base')]
-    lines = view_frames.format_tree(
-        Forest([*short, static(name, 'map', publisher=f'/{name}')]), 100 * S)
-    assert lines[:3] == [
-        'map',
-        '├── base        static                 /node',
-        '│   └── arm    10.0 Hz    0.000 s old  /node']
-    begin, _, publisher = lines[3].split()[1:]
-    assert begin == f'begin{"-" * 44}...{"-" * 45}end'
-    assert publisher == f'/begin{"-" * 43}...{"-" * 45}end'
-    hostile = view_frames.format_tree(Forest([*short, static('\x1b' * 3000, 'map')]), 100 * S)
-    assert hostile[:3] == lines[:3]
-
-
 @pytest.mark.parametrize(('output', 'files', 'begin'), [
     ('tree', {'tree.pdf', 'tree.gv'}, b'%PDF'), ('tree.svg', {'tree.svg', 'tree.gv'}, b'<?xml'),
     ('my.robot.PNG', {'my.robot.PNG', 'my.robot.gv'}, b'\x89PNG')])
