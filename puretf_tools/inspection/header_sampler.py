@@ -17,12 +17,11 @@ _AT_ONCE, _MOST_BYTES = 20, 1_000_000
 _MOST_TOPICS = 10_000
 
 
-class HeaderSampler:
+class HeaderSampler(TopicWatch):
     """Reads all topics whose messages begin with a header."""
 
     def __init__(self, node: Node) -> None:
-        self._node = node
-        self._watch = TopicWatch(node, self._wanted, _MOST_TOPICS, _AT_ONCE)
+        super().__init__(node, self._wanted, _MOST_TOPICS, _AT_ONCE)
         self._types: dict[str, Any] = {}  #: by topic; None: its headers are not read
         self.headers: dict[str, Headers] = {}  #: by topic: what was read
         self.not_read: dict[str, str] = {}  #: by topic: why its headers are not read
@@ -33,20 +32,17 @@ class HeaderSampler:
 
     def poll(self) -> None:
         """Read messages, and twice a second search for topics."""
-        self._watch.poll()
+        super().poll()
         for name, headers in self.headers.items():
             size = 0
-            for message, is_new in self._watch.take(name):
+            for message, is_new in self.take(name):
                 size += len(message)
                 if not is_new:
                     headers.add_frame(message)
                 elif headers.wants_next():
                     headers.add(message.time, message)
             if size > _MOST_BYTES:
-                self._watch.leave(name)
-
-    def close(self) -> None:
-        self._watch.close()
+                self.leave(name)
 
     def _wanted(self) -> Iterator[tuple[str, Any]]:
         for name, types in self._node.get_topic_names_and_types():
@@ -54,7 +50,7 @@ class HeaderSampler:
             if name not in self._types and TF_MESSAGE not in types:
                 for info in self._node.get_publishers_info_by_topic(name)[:1]:
                     self._types[name] = self._type_with_header(name, info.topic_type)
-            if self._types.get(name) and name not in self._watch.readers:
+            if self._types.get(name) and name not in self.readers:
                 self.headers.setdefault(name, Headers())
                 yield name, self._types[name]
 

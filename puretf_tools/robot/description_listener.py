@@ -20,20 +20,20 @@ from puretf_tools.robot.observed import JOINT_STATE, receive, robot_of
 _MOST_STATES, _DEPTH = 20, 50
 
 
-class DescriptionListener:
+class DescriptionListener(TopicWatch):
     """Reads all topics whose names end with `TOPIC` while they have publishers."""
 
     def __init__(self, node: Node, namespace: str = '') -> None:
         """Read the topics below a namespace, such as '/left'."""
-        self._node, self._namespace = node, namespace
-        self._watch = TopicWatch(node, self._wanted, MOST_TOPICS, 1)
+        super().__init__(node, self._wanted, MOST_TOPICS, 1)
+        self._namespace = namespace
         self._texts: dict[str, str] = {}
         self._descriptions: dict[str, DescriptionOrWhy] = {}
 
     def descriptions(self) -> dict[str, DescriptionOrWhy]:
         """Return the newest descriptions by topic; search for topics twice a second."""
-        self._watch.poll()
-        for topic, readers in self._watch.readers.items():
+        self.poll()
+        for topic, readers in self.readers.items():
             # Listeners of descriptions match latched ones only.
             for message in readers[True].take() if True in readers else ():
                 text = str(message[8:].partition(b'\0')[0], 'utf-8', 'replace')  # after the length
@@ -42,13 +42,10 @@ class DescriptionListener:
                     self._descriptions = {**self._descriptions, topic: parsed(text)}
         return self._descriptions
 
-    def close(self) -> None:
-        self._watch.close()
-
     def _wanted(self) -> list[tuple[str, Any]]:
-        for topic in [*self._watch.readers]:
+        for topic in [*self.readers]:
             if not self._node.count_publishers(topic):
-                self._watch.leave(topic)
+                self.leave(topic)
                 self._texts.pop(topic, None)
                 self._descriptions = {name: each for name, each in self._descriptions.items()
                                       if name != topic}
@@ -57,13 +54,12 @@ class DescriptionListener:
                 and types == [STRING] and self._node.count_publishers(topic)]
 
 
-class RobotListener:
+class RobotListener(TopicWatch):
     """Listens to the descriptions of robots, and to the joint states that feed transforms."""
 
     def __init__(self, node: Node, tf_topic: str = '/tf') -> None:
-        self._node, self._descriptions = node, DescriptionListener(node)
-        self._tf_topic = tf_topic
-        self._watch = TopicWatch(node, self._wanted, _MOST_STATES, _DEPTH)
+        super().__init__(node, self._wanted, _MOST_STATES, _DEPTH)
+        self._descriptions, self._tf_topic = DescriptionListener(node), tf_topic
         #: By topic of joint states.
         self._decoders: dict[str, JointStateReader] = {}
         self._states: defaultdict[str, dict[str, str]] = defaultdict(dict)
@@ -72,10 +68,10 @@ class RobotListener:
     def poll(self) -> None:
         """Search for descriptions and joint states, and read the joint states."""
         self._descriptions.descriptions()
-        self._watch.poll()
-        for topic in self._watch.readers:
+        super().poll()
+        for topic in self.readers:
             decoder = self._decoders.setdefault(topic, JointStateReader(self._node, topic))
-            for data, is_new in self._watch.take(topic):
+            for data, is_new in self.take(topic):
                 if is_new and (message := decoder.read(data)):
                     receive(self._states[topic], message)
                     stamp = message.header.stamp
@@ -104,8 +100,8 @@ class RobotListener:
     def senders(self) -> dict[str, Sequence[Sender]]:
         """Return the senders of joint states by topic."""
         return {topic: self._senders[topic].named(reader.names_of)
-                for topic, readers in self._watch.readers.items() for reader in readers.values()}
+                for topic, readers in self.readers.items() for reader in readers.values()}
 
     def close(self) -> None:
         self._descriptions.close()
-        self._watch.close()
+        super().close()

@@ -390,6 +390,18 @@ def test_joints_that_follow_others(capsys, tmp_path):
         ('joint_without_state', ['left', 'right', 'tip'])]
 
 
+def test_joint_states_on_another_topic(capsys, tmp_path):
+    """The remedy is a remapping, which gives all links their transforms."""
+    state = '/arm/joint_states', T, bags.joint_state(['turn', 'grip']), bags.JOINT_STATE
+    path = bags.make(tmp_path, 'mcap', in_order([
+        *(tf(i, 'x base') for i in range(100)), *with_robot('mcap', []), state]))
+    _, found = doctor(capsys, path)
+    (finding,) = found['findings']
+    assert finding['evidence'] == ('2 of 2 movable joints are not on /joint_states, but on '
+                                   '/arm/joint_states: turn, grip')
+    assert finding['remedy'] == 'Remap one of them: -r /joint_states:=/arm/joint_states.'
+
+
 def test_a_description_that_is_refused(capsys, tmp_path):
     """The report says why nothing is checked."""
     path = bags.make(tmp_path, 'db3', in_order([

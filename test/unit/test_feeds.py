@@ -107,6 +107,7 @@ def test_joint_states_of_another_robot():
     (lambda i: 30 * i, {'/robot': -MS}, True, 'warning future', 'clock of its computer is right.'),
     (lambda i: 1000, {'/robot': 990 * MS}, True, 'warning future',
      'that of the sender is 0.99 s ahead, by the dates of its messages.'),
+    (lambda i: 1000, {'/robot': -990 * MS}, True, 'warning future', ' 0.99 s behind, by the'),
     (lambda i: 1000, {}, True, 'warning future', 'Compare the clocks of the computers'),
     (lambda i: 1000, None, True, 'info future', 'else compare the clocks'),  # in a bag
     (lambda i: 6000, None, True, 'warning future', 'Compare the clocks of the computers'),
