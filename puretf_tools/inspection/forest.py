@@ -46,13 +46,8 @@ class Forest:
 
     def subtree(self, root: str) -> 'Forest':
         """Return a frame and its descendants, including those that are reached through a loop."""
-        found, pending = {}, [root]
-        while pending:
-            for name in self._children.get(pending.pop(), []):
-                if name not in found:
-                    found[name] = self.frames[name]
-                    pending.append(name)
-        return Forest(found.values(), root)
+        below = descend(self.frames, {root: None}, lambda *_: None)
+        return Forest([frame for frame in self.frames.values() if frame.parent in below], root)
 
     def lines(self) -> Iterator[TreeLine]:
         """Draw the trees; a loop is a tree whose root appears once more, as a leaf."""

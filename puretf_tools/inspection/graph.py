@@ -1,13 +1,14 @@
 """The graph of the frames: in the DOT language, and as a drawing."""
 
 from contextlib import suppress
+from html import escape
 import os
 import signal
 import subprocess
 import sys
 
 from puretf import exact_time, Frame, in_seconds
-from puretf._text.names import dot_quoted, LONGEST_NAME, shortened
+from puretf._text.names import dot_escaped, dot_quoted, LONGEST_NAME, shortened
 from puretf._text.times import display_time
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.traffic import rate_of
@@ -69,10 +70,7 @@ def _edge_label(frame: Frame) -> str:
 
 def _label(text: str) -> str:
     text = '\n'.join(shortened(line, LONGEST_NAME) for line in text.split('\n'))
-    for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
-                               ('\n', '\\n')):
-        text = text.replace(character, escaped)
-    return text
+    return dot_escaped(escape(text, quote=False))
 
 
 def draw(dot: str, file_format: str) -> bytes:
