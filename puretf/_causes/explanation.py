@@ -31,7 +31,6 @@ def explain(facts: Facts) -> tuple[str, tuple[str, ...]]:
 
 
 def _known(facts: Facts) -> str:
-    """Return the facts in one or two sentences."""
     around, edge, names = facts.around, facts.edge, facts.names
     if facts.symptom == 'cleared':
         return (f'No transform of {quoted(names[0])} has been received since the buffer was '

@@ -51,11 +51,9 @@ class Parameters:
             raise CommandError(f'{remote} has no parameter services')
 
     def names(self) -> list[str]:
-        """Return the names of all parameters."""
         return sorted(self._response(lambda: self._client.list_parameters()).result.names)
 
     def get(self, names: list[str]) -> list[ParameterValue]:
-        """Return the values of parameters."""
         values = list(self._response(lambda: self._client.get_parameters(names)).values)
         if len(values) < len(names) or any(
                 value.type == ParameterType.PARAMETER_NOT_SET for value in values):
@@ -67,7 +65,6 @@ class Parameters:
         return values
 
     def set(self, name: str, text: str) -> None:
-        """Set a parameter."""
         (current,) = self.get([name])
         message = parameter(name, text, current.type)
         (result,) = self._response(lambda: self._client.set_parameters([message])).results
@@ -87,7 +84,6 @@ class Parameters:
 
 
 def parameter(name: str, text: str, current_type: int) -> Any:
-    """Create the message that sets a parameter."""
     try:
         return Parameter(name, value=read(text, current_type)).to_parameter_msg()
     except (ArgumentTypeError, OverflowError, TypeError, ValueError, YAMLError) as error:

@@ -217,7 +217,6 @@ class _Counter:
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
 
     def poll(self) -> None:
-        """Count what has arrived."""
         self.end = self._listener.now()
         received, dropped = self._listener.dated()
         self.dropped += dropped
@@ -226,9 +225,7 @@ class _Counter:
 
 def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms and to what is beside them; add what the ROS graph knows."""
-    from rclpy.qos import DurabilityPolicy
-
-    from puretf.publisher_listener import node_of, nodes_on, TransformSampler
+    from puretf.publisher_listener import nodes_on, TransformSampler
     from puretf_tools.inspection.clock_sampler import SimTimeSurvey
     from puretf_tools.inspection.header_sampler import HeaderSampler
     from puretf_tools.robot.description_listener import RobotListener
@@ -261,11 +258,7 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
             present=listener.present, mismatches=[*_mismatches(node, around)],
-            volatile_listeners=[
-                node_of(info) for info in node.get_subscriptions_info_by_topic(static)
-                if info.topic_type == TF_MESSAGE
-                and info.qos_profile.durability == DurabilityPolicy.VOLATILE],
-            headers=headers.headers,
+            volatile_listeners=_volatile_listeners(node, static), headers=headers.headers,
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
             clocks=clock.senders(), clears=clock.jumps, use_sim_time={**survey.answers},
@@ -305,6 +298,15 @@ def _mismatches(node: 'Node', around: Surroundings) -> Iterator[tuple[Publisher,
                     name = node_of(listener).replace(UNKNOWN, 'an unknown listener')
                     yield each, f'{name} ({reason.replace("ERROR: ", "").rstrip(";. ")})'
                     break
+
+
+def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
+    from rclpy.qos import DurabilityPolicy
+
+    from puretf.publisher_listener import node_of
+    return [node_of(info) for info in node.get_subscriptions_info_by_topic(topic)
+            if info.topic_type == TF_MESSAGE
+            and info.qos_profile.durability == DurabilityPolicy.VOLATILE]
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -88,7 +88,6 @@ class Trajectory:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Whether each time has a row."""
         return np.asarray(~np.isnan(self.values[:, 0]))
 
     def _look_up(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:

@@ -75,7 +75,6 @@ class Observation:
     clock: Optional[Track] = None
 
     def __post_init__(self) -> None:
-        """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
         #: By child: the tracks, the one whose last transform arrived last, and its newest parent.
         self.by_child: dict[str, list[Track]] = {}

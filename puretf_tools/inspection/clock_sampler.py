@@ -44,7 +44,6 @@ class ClockSampler:
         self.jumps = deque[int](maxlen=_MOST_JUMPS)
 
     def senders(self) -> list[Sender]:
-        """Return the publishers that have sent."""
         return self._senders.named(self._reader.names_of)
 
     def nodes(self) -> list[str]:

@@ -30,7 +30,6 @@ class Hole(NamedTuple):
 
     @property
     def edge(self) -> str:
-        """The names of both frames, as 'odom -> base_link'."""
         return _edge(self.parent, self.child)
 
     def interpolated(self, zero: Optional[int] = None) -> str:

@@ -27,11 +27,9 @@ class HeaderSampler(TopicWatch):
         self.not_read: dict[str, str] = {}  #: by topic: why its headers are not read
 
     def senders(self) -> dict[str, list[str]]:
-        """Return the nodes that publish these topics, by topic."""
         return {name: nodes_on(self._node, name) for name in self.headers}
 
     def poll(self) -> None:
-        """Read messages, and twice a second search for topics."""
         super().poll()
         for name, headers in self.headers.items():
             size = 0

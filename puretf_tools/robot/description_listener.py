@@ -66,7 +66,6 @@ class RobotListener(TopicWatch):
         self._senders: defaultdict[str, Senders] = defaultdict(Senders)
 
     def poll(self) -> None:
-        """Search for descriptions and joint states, and read the joint states."""
         self._descriptions.descriptions()
         super().poll()
         for topic in self.readers:
@@ -93,12 +92,10 @@ class RobotListener(TopicWatch):
         return [*map(node_of, self._node.get_subscriptions_info_by_topic(topic))]
 
     def robots(self) -> list[Robot]:
-        """Return what was received of each robot."""
         return [robot_of(topic, each, self._states)
                 for topic, each in self._descriptions.descriptions().items()]
 
     def senders(self) -> dict[str, Sequence[Sender]]:
-        """Return the senders of joint states by topic."""
         return {topic: self._senders[topic].named(reader.names_of)
                 for topic, readers in self.readers.items() for reader in readers.values()}
 
