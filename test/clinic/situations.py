@@ -332,7 +332,7 @@ FAULTY = [
         after=[{'senders': [Sender('/rsp', ['odom base_link'])]}]),
     Situation('2.33 a listener that has just started', World([], is_new=True),
               [Lookup('odom', 'base_link', [], ('has just started',))], finds=['no_transforms']),
-    Situation('a publisher that has sent nothing yet', World([Sender('/arm')]),
+    Situation('a publisher that has sent nothing yet', World([Sender('/arm')], other_user='me'),
               [Lookup('odom', 'base_link', [], ('Nothing has arrived yet from /arm.',))],
         finds=['no_transforms']),
     Situation('2.35 a static whose program has ended', World([DRIVER]),
@@ -579,6 +579,14 @@ THOUGHT_OF = [
     Situation('a publisher has ended, and gids are not known', World([
         DRIVER._replace(end=-5.0, has_ended=True)]),
         [Lookup('odom', 'base_link', [], ('Publishers on /tf: none.',), at=0.0)]),
+    Situation('a driver whose clock is 90 s behind has ended', World([
+        DRIVER._replace(offset=-90.0, end=-5.0, has_ended=True)], has_gids=True),
+        [Lookup('odom', 'base_link', ['gap'], at=0.0)]),
+    Situation('what publishes /clock has ended, and transforms arrive', World(
+        [SIM_DRIVER], clock=100.0), [Lookup('odom', 'base_link', ['too_soon'], at=0.02)]),
+    Situation('two nodes publish /clock, and this one does not use it', World(
+        [DRIVER], clock_nodes=['/a', '/b']),
+        [Lookup('odom', 'base_link', ['cache_too_short'], at=-11.0)]),
     Situation('the clock of this node keeps no frame away', World([DRIVER], clock=0.0),
               [Lookup('map', 'base_link')]),
     Situation('a best-effort publisher of another frame', World([
