@@ -1,9 +1,7 @@
 """The command `param`, used on a node of the test and on the arm."""
 
 import math
-import os
 import re
-import signal
 
 from cli_runner import call
 from processes import TIMEOUT
@@ -11,7 +9,6 @@ import pytest
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.parameter import Parameter
 
-from puretf_tools.cli import progress
 from puretf_tools.cli.parser import UsageError
 from puretf_tools.commands import param as tools_param
 from puretf_tools.commands.param import main, parameter, read
@@ -132,21 +129,3 @@ def test_what_is_no_value_is_a_wrong_use(text, reason):
     with pytest.raises(UsageError, match=f'is not a value of a parameter: .*{reason}') as error:
         parameter('rate', text, ParameterType.PARAMETER_DOUBLE)
     assert '\n' not in str(error.value)
-
-
-@pytest.mark.parametrize('arguments', [[], ['a', 'b', 'c', 'd'], ['dummy_arm', '--rate']])
-def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments):
-    """The line ends with the usage."""
-    code, line = failed(main, *arguments)
-    assert code == 2
-    assert re.fullmatch(r'param: .*usage: param \[-h\] node \[name\] \[value\]\n', line)
-
-
-def test_ctrl_c_while_it_looks_for_a_node(domain_id, monkeypatch):
-    """Ctrl-C is a normal end: exit code 0, and no output."""
-    def wait(*args, real_wait=progress.wait):
-        os.kill(os.getpid(), signal.SIGINT)
-        return real_wait(*args)
-
-    monkeypatch.setattr(tools_param, 'wait', wait)
-    assert call(main, 'nobody', domain=domain_id) == (0, '', '')

@@ -124,9 +124,7 @@ def test_a_section_as_text(capsys, heading):
 
 @pytest.mark.parametrize(('words', 'headings'), [
     (['two_trees'], ['Two unconnected trees']),
-    (['TF_OLD_DATA'], ['TF_OLD_DATA']),
     (['leading', 'SLASH'], ['A leading slash, or a namespace']),
-    (['A leading slash, or a namespace'], ['A leading slash, or a namespace']),
     (['extrapolation'], ['Extrapolation into the future', 'Extrapolation into the past']),
     (['future'], ['Extrapolation into the future']),  # the name, and not the code of a finding
     (['one_shot'], ['Only one time is in the buffer']),
@@ -153,10 +151,7 @@ def test_the_names_in_the_pages_exist(page):
 
 @pytest.mark.parametrize(('words', 'end'), [
     (['one_shoot'], "no section explains 'one_shoot'. Nearest known: 'one_shot'.\n"),
-    (['two_tree'], "Nearest known: 'two_trees'.\n"),
-    (['map', 'base_link'], "no section explains 'map base_link'. Known names: 'future', 'past', "
-     f"'one_time', 'missing_frame', 'two_trees' and {len(SECTIONS) + len(CHECKS) - 5} more."
-     '\n')])
+    (['two_tree'], "Nearest known: 'two_trees'.\n")])
 def test_unknown_words(failed, words, end):
     """The exit code is 2, and the error has the nearest names."""
     code, error = failed(main, '--explain', *words)
