@@ -56,12 +56,6 @@ def test_a_long_chain_below_a_root():
     assert tree.roots == ['1000']
 
 
-def test_the_subtree_of_a_leaf_is_the_leaf():
-    """It is a tree without an edge."""
-    tree = chain(2).subtree('2')
-    assert (tree.names, lines(tree)) == (('2',), ['2'])
-
-
 @pytest.mark.parametrize('root', ['x', 'y', 'z'])
 def test_the_subtree_of_a_frame_in_a_loop(root):
     """The loop begins and ends with the root; its branches are shown."""

@@ -563,16 +563,16 @@ def torn_bag(tmp_path_factory):
 
 
 def test_rows_in_a_gap_are_counted(run, torn_bag):
-    """At 104.0 and 107.0 s, nothing is interpolated; between, there are 29 stamps of the tool."""
+    """
+    With --max-gap, they are left out.
+
+    At 104.0 and 107.0 s, nothing is interpolated; between, there are 29 stamps of the tool.
+    """
     output, error = run('--bag', torn_bag, 'odom', 'tool')
     assert output.count('\n') == 102
     assert error.splitlines()[1:] == [
         'tf_trajectory: 29 rows are interpolated over gaps without data: odom -> base_link has '
         'none between +4.00 and +7.00 s']
-
-
-def test_rows_in_a_gap_are_left_out(run, torn_bag, tmp_path):
-    """So it is with --max-gap; a line says how many."""
     output, error = run('--bag', torn_bag, 'odom', 'tool', '--max-gap', '2.999999999')
     assert read_csv(output)[1].tolist() == [
         100 * S + i * S // 10 for i in range(101) if not 40 < i < 70]

@@ -68,11 +68,6 @@ def test_an_argument_of_xacro(robots):
     assert parse(read(file, {'arm_type': 'ur5e'})).links == ('ur5e_base',)
 
 
-def test_a_urdf_file_has_no_arguments(robots):
-    """They would have no effect."""
-    assert 'has no arguments' in refused(robots / 'geometry_two.urdf', {'a': '1'})
-
-
 @pytest.mark.parametrize('prefix', ['', '/any/prefix'])
 def test_a_package_that_is_not_found(robots, monkeypatch, prefix):
     """The package or the variable is named; a path relative to the file works everywhere."""
