@@ -66,6 +66,9 @@ def test_stamps_of_another_clock_than_the_recording(recorded, span):
     """They do not count if at least half of the stamps are of its clock; else all count."""
     assert span_of([dynamic(BEGIN, END + 1000 * S), dynamic(BEGIN - 1000 * S, END)],
                    recorded) == span
+    late = BEGIN + 5000 * S
+    assert span_of([dynamic(BEGIN, END), dynamic(BEGIN, END), dynamic(late, late)], (
+        late, late)) == (BEGIN, late)
 
 
 @pytest.mark.parametrize(('time', 'text'), [

@@ -209,6 +209,6 @@ def test_malformed_messages_are_skipped(traffic):
 
 
 def test_a_publisher_that_is_gone(traffic):
-    """Its rows stay; they are not present."""
-    traffic.observe([message('/gone', NOW, 'odom')])
-    assert not rows_of(traffic)['odom', '/gone'].is_present
+    """Its rows stay; they are not present, or that is not known."""
+    traffic.observe([message(each, NOW, 'odom') for each in ('/gone', '/unknown')])
+    assert [row.is_present for row in rows_of(traffic, 'odom').values()] == [False, None]
