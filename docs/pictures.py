@@ -25,7 +25,7 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.arm import Arm
+from dummy_arm.grading.sheet import FRAMES, JOINTS
 from puretf import Buffer, SECOND, Transform, TransformListener
 
 DOCS = Path(__file__).parent
@@ -165,12 +165,11 @@ def animation(browser: Browser, url: str, path: Path) -> None:
 
 def angles(buffer: Buffer, path: Path) -> None:
     """Plot the angles of the joints in the last seconds, and their limits."""
-    arm = Arm()
-    end = buffer.get_latest_common_time(arm.frames[0], arm.frames[-1]).nanoseconds
+    end = buffer.get_latest_common_time(FRAMES[0], FRAMES[-1]).nanoseconds
     times = np.linspace(end - SECONDS * 1e9, end, 1000).astype(np.int64)
     figure, axes = plt.subplots(figsize=(8, 3.6), layout='constrained')
-    for parent, joint in zip(arm.frames, arm.joints):
-        _, rotations, _ = buffer.lookup_transforms(parent, joint.name, times)
+    for joint in JOINTS:
+        _, rotations, _ = buffer.lookup_transforms(joint.parent, joint.name, times)
         turned = np.degrees(2 * np.arctan2(rotations[:, 2], rotations[:, 3]))
         line, = axes.plot((times - times[0]) * 1e-9, turned, label=joint.name)
         for limit in -joint.limit, joint.limit:

@@ -1,22 +1,21 @@
 """
-The geometry of the arm, and the motion of the arm as a pure function of time.
+The geometry of the arm of the sheet, and its motion as a pure function of time.
 
-The frames are base_link, one frame for each link, and end_effector, in this order. Each frame is
-the parent of the next frame. Each joint rotates one link, about an axis through the origin of the
-frame of the link. The angle of a joint is limit * sin(phase), and the phase changes at a constant
-speed. If all phases are zero, the axes of all frames are parallel to those of base_link. Units are
-m, rad and s; quaternions are x, y, z, w.
+The angle of a joint is limit * sin(phase), and the phase changes at a constant speed. Units are m,
+rad and s; quaternions are x, y, z, w.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Vector = tuple[float, float, float]
+from dummy_arm.grading.sheet import HAND, JOINTS
 
+#: The distance (m) of each joint from its parent, and the direction.
+OFFSETS = [max(joint.position) for joint in JOINTS]
+_DIRECTIONS = np.sign([joint.position for joint in JOINTS])
 #: Duration of the transition to a new limit, and from a held angle to the wave (s).
 _BLEND = 1.0
 
@@ -27,65 +26,20 @@ def _smoothstep(time: float) -> float:
     return progress * progress * (3.0 - 2.0 * progress)
 
 
-@dataclass(frozen=True)
-class Joint:
+def poses(angles: ArrayLike, offsets: ArrayLike = OFFSETS) -> NDArray[np.float64]:
     """
-    A joint and the link that it rotates.
+    Return the pose of each frame from joint_1 to end_effector in its parent.
 
-    The frame of the link has the name of the joint. The origin of this frame is the origin of the
-    parent frame, moved by `offset` (m) along `direction`. The link rotates about `axis`. The
-    vectors `direction` and `axis` are unit vectors in the parent frame. The joint angle is
-    `limit` * sin(phase) (rad), and the phase advances at `speed` (rad/s).
+    :param angles: the joint angles (rad).
+    :param offsets: the distances of the joints from their parents (m).
+    :returns: (4, 7) float64: x, y, z (m), quaternion x, y, z, w.
     """
-
-    name: str
-    offset: float
-    direction: Vector
-    axis: Vector
-    speed: float
-    limit: float
-
-
-_X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Arm:
-    """A chain of joints; end_effector is at (`tool`, 0, 0) (m) in the frame of the last link."""
-
-    joints: tuple[Joint, ...] = (
-        Joint('joint_1', 0.3, _Z, _Z, 0.3, math.radians(45)),
-        Joint('joint_2', 0.4, _X, _Z, 0.5, math.radians(30)),
-        Joint('joint_3', 0.3, _X, _Z, 0.7, math.radians(60)))
-    tool: float = 0.2
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The names of the frames, from base_link to end_effector."""
-        return ('base_link', *(joint.name for joint in self.joints), 'end_effector')
-
-    def angles(self, phases: ArrayLike) -> NDArray[np.float64]:
-        """Return the joint angles (rad), limit * sin(phase), from the n phases (rad)."""
-        return np.array([joint.limit for joint in self.joints]) * np.sin(phases)
-
-    def poses(self, phases: ArrayLike) -> NDArray[np.float64]:
-        """Return `poses_at` the angles of n phases (rad)."""
-        return self.poses_at(self.angles(phases).tolist())
-
-    def poses_at(self, angles: Sequence[float]) -> NDArray[np.float64]:
-        """
-        Return the pose of each frame but base_link in its parent, from the n joint angles (rad).
-
-        :returns: (n + 1, 7) float64: x, y, z (m), quaternion x, y, z, w.
-        """
-        poses = np.zeros((len(self.joints) + 1, 7))
-        for pose, joint, angle in zip(poses, self.joints, angles):
-            pose[:3] = [joint.offset * component for component in joint.direction]
-            # q = (axis * sin(angle / 2), cos(angle / 2)); adding 0.0 turns -0.0 into 0.0.
-            pose[3:6] = [math.sin(angle / 2) * component + 0.0 for component in joint.axis]
-            pose[6] = math.cos(angle / 2)
-        poses[-1] = self.tool, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-        return poses
+    half = np.divide(angles, 2.0)
+    found = np.zeros((4, 7))
+    found[:3, :3] = _DIRECTIONS * np.reshape(offsets, (3, 1))
+    found[:3, 5], found[:3, 6] = np.sin(half), np.cos(half)
+    found[3, :3], found[3, 6] = HAND.position, 1.0
+    return found
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,11 @@ This node is the final task of the course.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from importlib.resources import files
 from itertools import pairwise
 import math
-from typing import Any, Optional
+from typing import Any, NamedTuple, Optional
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ROSClock
@@ -23,7 +22,8 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.arm import Arm, Wave
+from dummy_arm.arm import OFFSETS, poses, Wave
+from dummy_arm.grading.sheet import FRAMES, JOINTS
 from puretf import PreparedTransforms, StaticTransformBroadcaster, Transform, TransformBroadcaster
 from puretf._text.names import comma_list, quoted, shortened
 from puretf._text.similar_names import suggest_names
@@ -32,11 +32,10 @@ from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import Parser, run
 from puretf_tools.inspection.joint_states import JointStateReader
 
-MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).
 CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
-PREFIX_DESCRIPTION = f'prefix for the name of every frame except {MAP}; read-only'
+PREFIX_DESCRIPTION = 'prefix for the name of every frame except map; read-only'
 #: The parameters that are true or false; they are true by default.
 SWITCHES = {
     'publish_tf': 'send all frames but base_link on /tf; read-only',
@@ -44,9 +43,8 @@ SWITCHES = {
     'publish_description': 'send the URDF of the arm on robot_description; read-only'}
 
 
-@dataclass(frozen=True)
-class NumberParameter:
-    """A numeric parameter: its default, range, unit and meaning."""
+class Quantity(NamedTuple):
+    """A numeric parameter."""
 
     default: float
     smallest: float
@@ -54,26 +52,17 @@ class NumberParameter:
     unit: str
     meaning: str
 
-    def problem(self, name: str, value: object) -> Optional[str]:
-        """Return why a value is invalid; None if it is valid."""
-        if (isinstance(value, (int, float)) and not isinstance(value, bool)
-                and self.smallest <= value <= self.largest):
-            return None
-        return (f'{name} must be a number from {self.smallest:g} to {self.largest:g} '
-                f'{self.unit}, got {value!r}')
 
-
-def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
-    """Return the numeric parameters of the node, by name: three for each joint."""
-    table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages')}
-    for joint in arm.joints:
-        table[f'{joint.name}.speed'] = NumberParameter(
-            joint.speed, -100.0, 100.0, 'rad/s', f'speed of the phase of {joint.name}')
-        table[f'{joint.name}.limit'] = NumberParameter(
-            joint.limit, 0.0, math.pi, 'rad', f'{joint.name} rotates between -limit and limit')
-        table[f'{joint.name}.offset'] = NumberParameter(
-            joint.offset, -100.0, 100.0, 'm', f'distance of {joint.name} from its parent frame')
-    return table
+#: The numeric parameters, by name.
+QUANTITIES = {'rate': Quantity(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages')}
+for joint, offset in zip(JOINTS, OFFSETS):
+    QUANTITIES |= {
+        f'{joint.name}.speed': Quantity(
+            joint.speed, -100.0, 100.0, 'rad/s', f'speed of the phase of {joint.name}'),
+        f'{joint.name}.limit': Quantity(
+            joint.limit, 0.0, math.pi, 'rad', f'{joint.name} rotates between -limit and limit'),
+        f'{joint.name}.offset': Quantity(
+            offset, -100.0, 100.0, 'm', f'distance of {joint.name} from its parent frame')}
 
 
 def description() -> str:
@@ -112,34 +101,31 @@ class DummyArm(Node):
     def __init__(self) -> None:
         """Start publishing, or raise ParameterException: the value of a parameter is invalid."""
         super().__init__('dummy_arm')
-        self._arm = Arm()
-        self._quantities = number_parameters(self._arm)
         self.add_on_set_parameters_callback(self._check)
         self._declare_parameters()
-        self._waves = [Wave(self._number(f'{joint.name}.speed'),
-                            self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
-        self._set_offsets()
+        self._waves = [Wave(self._value(f'{joint.name}.speed'), self._value(f'{joint.name}.limit'))
+                       for joint in JOINTS]
         self._start_ns: Optional[int] = None
         self._t = 0.0
 
-        prefix = self.get_parameter(PREFIX).value
-        frames = [prefix + frame for frame in self._arm.frames]
+        root, *frames = FRAMES
+        frames = [self._value(PREFIX) + frame for frame in frames]
         self._static = StaticTransformBroadcaster(self)
         self._static.sendTransform(Transform(
-            self.get_clock().now().nanoseconds, MAP, frames[0]).to_message())
-        self._published = [f'{MAP} -> {shortened(frames[0])} on {self._static.pub_tf.topic_name}']
+            self.get_clock().now().nanoseconds, root, frames[0]).to_message())
+        self._published = [f'{root} -> {shortened(frames[0])} on {self._static.pub_tf.topic_name}']
         self._transforms: Optional[PreparedTransforms] = None
-        if self.get_parameter('publish_tf').value:
+        if self._value('publish_tf'):
             broadcaster = TransformBroadcaster(self)
             self._transforms = broadcaster.prepare(list(pairwise(frames)))
             self._published.append(
                 f'{" -> ".join(map(shortened, frames))} on {broadcaster.pub_tf.topic_name}')
         self._angles: Optional[Publisher] = None
-        self._state = JointState(name=[joint.name for joint in self._arm.joints])
-        if self.get_parameter('publish_joint_states').value:
+        self._state = JointState(name=[joint.name for joint in JOINTS])
+        if self._value('publish_joint_states'):
             self._angles = self.create_publisher(JointState, 'joint_states', 10)
             self._published.append(f'joint angles on {self._angles.topic_name}')
-        if self.get_parameter('publish_description').value:
+        if self._value('publish_description'):
             self._description = self.create_publisher(String, 'robot_description', QoSProfile(
                 depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
             self._description.publish(String(data=description()))
@@ -147,13 +133,13 @@ class DummyArm(Node):
         self._commands = self.create_subscription(
             JointState, '~/joint_command', self._obey, 10, raw=True)
         self._reader = JointStateReader(self, self._commands.topic_name)
-        self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
+        self._timer = self.create_timer(1.0 / self._value('rate'), self._tick)
         self._warning = self.create_timer(
             CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_post_set_parameters_callback(self._apply)
 
     def _declare_parameters(self) -> None:
-        for name, quantity in self._quantities.items():
+        for name, quantity in QUANTITIES.items():
             # Dynamic typing accepts integers, too; `_check` checks the value.
             self.declare_parameter(name, quantity.default, ParameterDescriptor(
                 dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})',
@@ -165,22 +151,22 @@ class DummyArm(Node):
             self.declare_parameter(name, True, ParameterDescriptor(
                 read_only=True, description=meaning))
 
-    def _number(self, name: str) -> float:
-        return float(self.get_parameter(name).value)
-
-    def _set_offsets(self) -> None:
-        self._arm = replace(self._arm, joints=tuple(
-            replace(joint, offset=self._number(f'{joint.name}.offset'))
-            for joint in self._arm.joints))
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            quantity = self._quantities.get(parameter.name)
-            problem = quantity and quantity.problem(parameter.name, parameter.value)
-            if parameter.name == PREFIX and parameter.value.startswith('/'):
-                problem = f'{PREFIX} must not begin with /, got {parameter.value!r}'
+            name, value, problem = parameter.name, parameter.value, ''
+            quantity = QUANTITIES.get(name)
+            if quantity and not (isinstance(value, (int, float)) and not isinstance(value, bool)
+                                 and quantity.smallest <= value <= quantity.largest):
+                problem = (f'a number from {quantity.smallest:g} to {quantity.largest:g} '
+                           f'{quantity.unit}')
+            if name == PREFIX and value.startswith('/'):
+                problem = 'a name that does not begin with /'
             if problem:
-                return SetParametersResult(successful=False, reason=problem)
+                return SetParametersResult(
+                    successful=False, reason=f'{name} must be {problem}, got {value!r}')
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
@@ -188,14 +174,11 @@ class DummyArm(Node):
         if 'rate' in changed:
             self._timer.timer_period_ns = round(1e9 / changed['rate'])
             self._timer.reset()
-        self._set_offsets()
         t = self._seconds(self.get_clock().now().nanoseconds)
-        for i, joint in enumerate(self._arm.joints):
-            if f'{joint.name}.speed' in changed:
-                speed = float(changed[f'{joint.name}.speed'])
+        for i, joint in enumerate(JOINTS):
+            if (speed := changed.get(f'{joint.name}.speed')) is not None:
                 self._waves[i] = self._waves[i].with_speed(speed, t)
-            if f'{joint.name}.limit' in changed:
-                limit = float(changed[f'{joint.name}.limit'])
+            if (limit := changed.get(f'{joint.name}.limit')) is not None:
                 self._waves[i] = self._waves[i].with_limit(limit, t)
 
     def _obey(self, data: Any) -> None:
@@ -212,7 +195,7 @@ class DummyArm(Node):
             return
         t = self._seconds(self.get_clock().now().nanoseconds)
         positions = dict(zip(command.name, command.position))
-        for i, joint in enumerate(self._arm.joints):
+        for i, joint in enumerate(JOINTS):
             if joint.name in positions:
                 self._waves[i] = self._waves[i].with_hold(positions[joint.name])
             elif not positions:
@@ -234,7 +217,7 @@ class DummyArm(Node):
         if self._start_ns is None:
             self._start_ns = now_ns
             self.get_logger().info(
-                f'publishing {", ".join(self._published)} at {self._number("rate"):g} Hz; '
+                f'publishing {", ".join(self._published)} at {self._value("rate"):g} Hz; '
                 f't = 0 at {now_ns} ns')
             self._t = math.inf  # changes before the first message need no transition
         t = self._seconds(now_ns)
@@ -245,7 +228,8 @@ class DummyArm(Node):
         self._t = t
         angles = [wave.angle(t) for wave in self._waves]
         if self._transforms:
-            self._transforms.send(now_ns, self._arm.poses_at(angles))
+            offsets = [self._value(f'{joint.name}.offset') for joint in JOINTS]
+            self._transforms.send(now_ns, poses(angles, offsets))
         if self._angles:
             self._state.header.stamp = Time(nanoseconds=now_ns).to_msg()
             self._state.position = angles
@@ -256,7 +240,7 @@ def make_parser() -> Parser:
     """Return the parser of the command line; its help lists the parameters of the node."""
     lines = [f'  {name:20} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
-             for name, quantity in number_parameters(Arm()).items()]
+             for name, quantity in QUANTITIES.items()]
     lines += [f'  {name:20} {meaning} (default true)' for name, meaning in SWITCHES.items()]
     parser = Parser(
         'dummy_arm',

@@ -5,7 +5,6 @@ from random import Random
 
 import numpy as np
 
-import dummy_arm.arm
 from puretf._core.pose import Row
 
 S = 10**9
@@ -19,8 +18,8 @@ def hand(stamps, begin=BEGIN):
     :param stamps: times (ns).
     :param begin: the time at which all phases are 0 (ns).
     """
-    arm, t = dummy_arm.arm.Arm(), (np.asarray(stamps) - begin) / S
-    angles = np.array([arm.angles([joint.speed * at for joint in arm.joints]) for at in t])
+    t = (np.asarray(stamps) - begin) / S
+    angles = np.radians(Arm.limits) * np.sin(np.outer(t, Arm.speeds))
     turned, links, zero = angles.cumsum(axis=1), np.array([0.4, 0.3, 0.2]), np.zeros(len(t))
     return np.stack([np.cos(turned) @ links, np.sin(turned) @ links, zero + 0.3, zero, zero,
                      turned[:, 2]], axis=1)

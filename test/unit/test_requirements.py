@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dummy_arm import arm as own_arm
 from dummy_arm.check_arm import format_report
 from dummy_arm.grading import requirements, samples
 from dummy_arm.grading.records import ArmMessage, ArmPublisher, Line, Verdict
-from dummy_arm.grading.sheet import FRAMES, JOINTS, SHEET
+from dummy_arm.grading.sheet import FRAMES
 from dummy_arm.grading.sine import fit_sine
 
 
@@ -82,16 +81,6 @@ def test_what_cannot_be_judged_says_why():
         'It is not judged, since this is not met: the tree.')} == {'joint_1', 'joint_2'}
     assert line_of(report, 'the joints have').text == 'The speed of joint_1 cannot be measured.'
     assert line_of(report, 'joint_3 moves as a sine').verdict == Verdict.OK
-
-
-def test_the_requirements_are_those_of_the_arm():
-    """The sheet in `requirements` and the arm of this package, which is written apart, agree."""
-    arm = own_arm.Arm()
-    assert ('map', *arm.frames) == FRAMES
-    assert [joint.speed for joint in JOINTS] == [joint.speed for joint in arm.joints]
-    assert [joint.limit for joint in JOINTS] == [joint.limit for joint in arm.joints]
-    assert [edge.position for edge in SHEET[1:]] == [
-        tuple(pose[:3]) for pose in arm.poses([0.0, 0.0, 0.0]).tolist()]
 
 
 def test_the_sine_is_found():

@@ -8,7 +8,8 @@ from model import matrix
 import numpy as np
 import pytest
 
-from dummy_arm.arm import Arm
+from dummy_arm.arm import poses
+from dummy_arm.grading.sheet import FRAMES, JOINTS
 from puretf_tools.robot.description import parse
 
 PATH = ROOT / 'dummy_arm' / 'urdf' / 'dummy_arm.urdf'
@@ -22,23 +23,22 @@ def robot():
 
 def test_the_chain_is_that_of_the_frames(robot):
     """Each frame is a link; a moving joint has the name of its child."""
-    frames = Arm().frames
-    assert robot.links == frames
-    assert [(joint.parent, joint.child) for joint in robot.joints] == [*pairwise(frames)]
-    assert [joint.name for joint in robot.joints] == [*frames[1:-1], 'tool']
+    assert robot.links == FRAMES[1:]
+    assert [(joint.parent, joint.child) for joint in robot.joints] == [*pairwise(FRAMES[1:])]
+    assert [joint.name for joint in robot.joints] == [*FRAMES[2:-1], 'tool']
     assert [joint.kind for joint in robot.joints] == ['revolute'] * 3 + ['fixed']
 
 
 def test_the_limits_are_those_of_the_joints(robot):
     """They are the same in both directions."""
     assert [joint.limits for joint in robot.joints[:3]] == [
-        (-joint.limit, joint.limit) for joint in Arm().joints]
+        (-joint.limit, joint.limit) for joint in JOINTS]
 
 
 def test_the_links_are_where_the_frames_are(robot):
     """Origins and axes result in the poses of arm.py, at any angles."""
     for angles in np.random.default_rng(1).uniform(-3, 3, (20, 3)):
-        ours, theirs = Arm().poses_at(angles), [
+        ours, theirs = poses(angles), [
             joint.pose_at(angle) for joint, angle in zip(robot.joints, [*angles, 0.0])]
         for pose, other in zip(ours, theirs, strict=True):
             np.testing.assert_allclose(matrix(pose[:3], pose[3:]), matrix(other[:3], other[3:]),
