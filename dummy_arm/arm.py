@@ -47,9 +47,9 @@ class Wave:
     """
     The motion of one joint: the joint angle limit * sin(phase) as a function of the time t (s).
 
-    The phase is `phase_at_change` (rad) at the time `speed_changed` (s), and advances at `speed`
-    (rad/s). In the second that begins at the time `limit_changed` (s), the limit changes smoothly
-    from `limit_before` to `limit` (rad).
+    The phase is `phase_at_0` (rad) at the time 0, and advances at `speed` (rad/s). In the second
+    that begins at the time `limit_changed` (s), the limit changes smoothly from `limit_before` to
+    `limit` (rad).
 
     Before the time `released` (s), the joint is held at the angle `held_at` (rad), or at the limit
     if this is nearer to 0. In the second that begins then, the joint returns smoothly to the wave.
@@ -57,8 +57,7 @@ class Wave:
 
     speed: float
     limit: float
-    phase_at_change: float = 0.0
-    speed_changed: float = 0.0
+    phase_at_0: float = 0.0
     limit_before: float = 0.0
     limit_changed: float = -math.inf
     held_at: float = 0.0
@@ -69,7 +68,7 @@ class Wave:
         return self.released == math.inf
 
     def phase(self, t: float) -> float:
-        return self.phase_at_change + self.speed * (t - self.speed_changed)
+        return self.phase_at_0 + self.speed * t
 
     def limit_at(self, t: float) -> float:
         smooth = _smoothstep(t - self.limit_changed)
@@ -83,7 +82,7 @@ class Wave:
 
     def with_speed(self, speed: float, t: float) -> 'Wave':
         """Return this wave with another speed (rad/s) from the time t on; the phase is steady."""
-        return replace(self, speed=speed, phase_at_change=self.phase(t), speed_changed=t)
+        return replace(self, speed=speed, phase_at_0=self.phase(t) - speed * t)
 
     def with_limit(self, limit: float, t: float) -> 'Wave':
         """Return this wave with a limit (rad) that is reached smoothly, one second after t."""

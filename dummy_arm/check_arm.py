@@ -6,10 +6,11 @@ import csv
 import os
 from pathlib import Path
 import sys
-from typing import Optional, TYPE_CHECKING
+from typing import Optional
 
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
+from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.records import DOMAINS, Grade, Messages, Report, START, Verdict
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.samples import Arm
@@ -21,9 +22,6 @@ from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageErro
 from puretf_tools.cli.progress import progress, wait
 from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.terminal import columns, wrapped
-
-if TYPE_CHECKING:
-    from puretf_tools.inspection.frame_listener import FrameListener
 
 #: The bar while programs are run.
 _BAR = '{desc} {bar} {n} of {total}, {elapsed}'
@@ -59,13 +57,17 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
                 try:
                     _write_feedback(Path(feedback), files, result)
                 except (CommandError, OSError) as error:  # the table is the record
-                    print(f'check_arm: warning: {visible(str(error))}', file=sys.stderr)
+                    _warn(error)
     except KeyboardInterrupt:
         count = sum(row['verdict'] == Verdict.NOT_RUN for row in rows.values())
         raise CommandError(f'interrupted: {count} of {len(rows)} were not run') from None
     finally:
         grades.close()
     return 0 if all(row['verdict'] == Verdict.OK for row in rows.values()) else 1
+
+
+def _warn(text: object) -> None:
+    print(f'check_arm: warning: {visible(str(text))}', file=sys.stderr)
 
 
 def _row(grade: Grade) -> dict[str, str]:
@@ -114,7 +116,6 @@ def _write(path: Path, content: 'str | bytes') -> None:
 
 def _check_running(seconds: float, namespace: str, ros_args: Sequence[str],
                    feedback: Optional[str]) -> Report:
-    from dummy_arm.grading.observer import Observer
     from puretf_tools.cli.node import spinning_node
     with spinning_node('check_arm', ros_args, namespace) as node:
         observer = Observer(node)
@@ -124,28 +125,28 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str],
             raise CommandError(f'no transform was received within {START:g} s. '
                                f'{observer.listener.why_nothing()}')
         if hint := observer.listener.wrong_type_hint():
-            print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
+            _warn(hint)
         report = observer.report()
         if feedback:
-            _write_hand_in(Path(feedback), report, observer.listener)
+            _write_hand_in(Path(feedback), report, observer)
         return report
 
 
-def _write_hand_in(directory: Path, report: Report, listener: 'FrameListener') -> None:
+def _write_hand_in(directory: Path, report: Report, observer: Observer) -> None:
     """Write the report of an arm that is running, its frames.pdf and a picture of it."""
     from dummy_arm.grading.picture import picture
     from puretf_tools.inspection.graph import as_dot, draw, DrawingError
-    _write(directory / 'report.txt', '\n'.join([*format_report(report), '']))
+    listener = observer.listener
     dot = as_dot(Forest(listener.frames()), listener.now())
-    drawings: dict[str, Callable[[], str | bytes]] = {
+    contents: dict[str, Callable[[], str | bytes]] = {
+        'report.txt': lambda: '\n'.join([*format_report(report), '']),
         'frames.pdf': lambda: draw(dot, 'pdf'),
         'arm.svg': lambda: picture(listener.buffer)}
-    for name, draw_it in drawings.items():
+    for name, content in contents.items():
         try:
-            _write(directory / name, draw_it())
+            _write(directory / name, content())
         except (DrawingError, TransformException, IndexError) as error:
-            print(f'check_arm: warning: cannot write {directory / name}: {visible(str(error))}',
-                  file=sys.stderr)
+            _warn(f'cannot write {directory / name}: {error}')
 
 
 def _check_bag(option: BagOption) -> Report:
@@ -184,12 +185,11 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
     duration = DEFAULT_TIME if seconds is None else seconds
-    given = [kind for kind, is_given in (
-        (_PROGRAMS, files), (_BAG, bag is not None), (_DRAWINGS, frames)) if is_given]
-    if len(given) > 1:
+    kind, *others = [kind for kind, is_given in (
+        (_PROGRAMS, files), (_BAG, bag), (_DRAWINGS, frames)) if is_given] or [_ARM]
+    if others:
         raise UsageError('give files of programs, or --bag, or --frames, or none of them to check '
                          'the arm that is running')
-    kind = given[0] if given else _ARM
     for option, is_given, *kinds in (
             ('--time', seconds is not None, _PROGRAMS, _ARM),
             ('--namespace', namespace, _BAG, _ARM),
@@ -199,19 +199,18 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
             ('--jobs', jobs is not None, _PROGRAMS)):
         if is_given and kind not in kinds:
             raise UsageError(f'{option} is for {" and ".join(kinds)}, not for {kind}')
-    for is_wrong, text in (
-            (table is not None and (table in files or not table.endswith('.csv')),
-             f'--csv needs the name of a file that ends in .csv, got {table!r}'),
-            (not 1.0 <= duration <= _LONGEST,
-             f'--time must be at least 1 s, and at most {_LONGEST:g} s, got {duration:g}'),
-            (jobs is not None and not 1 <= jobs <= len(DOMAINS),
-             f'--jobs must be at least 1, and at most {len(DOMAINS)}, got {jobs}')):
-        if is_wrong:
-            raise UsageError(text)
+    if table is not None and (table in files or not table.endswith('.csv')):
+        raise UsageError(f'--csv needs the name of a file that ends in .csv, got {table!r}')
+    if not 1.0 <= duration <= _LONGEST:
+        raise UsageError(
+            f'--time must be at least 1 s, and at most {_LONGEST:g} s, got {duration:g}')
+    if jobs is None:
+        jobs = min(os.cpu_count() or 1, len(DOMAINS))
+    elif not 1 <= jobs <= len(DOMAINS):
+        raise UsageError(f'--jobs must be at least 1, and at most {len(DOMAINS)}, got {jobs}')
     if frames:
         return _check_drawings(frames)
     if files:
-        jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
         return _grade_all(files, duration, jobs, table, feedback)
     try:
         report = (_check_running(duration, namespace, ros_args, feedback) if bag is None

@@ -35,12 +35,12 @@ from puretf_tools.inspection.joint_states import JointStateReader
 #: How long to wait for a message on /clock before a warning (s).
 CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
-PREFIX_DESCRIPTION = 'prefix for the name of every frame except map; read-only'
-#: The parameters that are true or false; they are true by default.
-SWITCHES = {
-    'publish_tf': 'send all frames but base_link on /tf; read-only',
-    'publish_joint_states': 'send the joint angles on joint_states; read-only',
-    'publish_description': 'send the URDF of the arm on robot_description; read-only'}
+#: The default and the meaning of the parameters that cannot be changed.
+READ_ONLY: dict[str, tuple[Any, str]] = {
+    PREFIX: ('', 'prefix for the name of every frame except map; read-only'),
+    'publish_tf': (True, 'send all frames but base_link on /tf; read-only'),
+    'publish_joint_states': (True, 'send the joint angles on joint_states; read-only'),
+    'publish_description': (True, 'send the URDF of the arm on robot_description; read-only')}
 
 
 class Quantity(NamedTuple):
@@ -145,10 +145,8 @@ class DummyArm(Node):
                 dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})',
                 floating_point_range=[FloatingPointRange(
                     from_value=quantity.smallest, to_value=quantity.largest)]))
-        self.declare_parameter(PREFIX, '', ParameterDescriptor(
-            read_only=True, description=PREFIX_DESCRIPTION))
-        for name, meaning in SWITCHES.items():
-            self.declare_parameter(name, True, ParameterDescriptor(
+        for name, (default, meaning) in READ_ONLY.items():
+            self.declare_parameter(name, default, ParameterDescriptor(
                 read_only=True, description=meaning))
 
     def _value(self, name: str) -> Any:
@@ -156,17 +154,17 @@ class DummyArm(Node):
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            name, value, problem = parameter.name, parameter.value, ''
+            name, value, expected = parameter.name, parameter.value, ''
             quantity = QUANTITIES.get(name)
-            if quantity and not (isinstance(value, (int, float)) and not isinstance(value, bool)
+            if quantity and not (type(value) in (int, float)
                                  and quantity.smallest <= value <= quantity.largest):
-                problem = (f'a number from {quantity.smallest:g} to {quantity.largest:g} '
-                           f'{quantity.unit}')
+                expected = (f'a number from {quantity.smallest:g} to {quantity.largest:g} '
+                            f'{quantity.unit}')
             if name == PREFIX and value.startswith('/'):
-                problem = 'a name that does not begin with /'
-            if problem:
+                expected = 'a name that does not begin with /'
+            if expected:
                 return SetParametersResult(
-                    successful=False, reason=f'{name} must be {problem}, got {value!r}')
+                    successful=False, reason=f'{name} must be {expected}, got {value!r}')
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
@@ -236,12 +234,13 @@ class DummyArm(Node):
             self._angles.publish(self._state)
 
 
-def make_parser() -> Parser:
-    """Return the parser of the command line; its help lists the parameters of the node."""
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the node; see `--help`. Return the exit code."""
     lines = [f'  {name:20} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
              for name, quantity in QUANTITIES.items()]
-    lines += [f'  {name:20} {meaning} (default true)' for name, meaning in SWITCHES.items()]
+    lines += [f'  {name:20} {meaning} (default {str(default).lower() or "empty"})'
+              for name, (default, meaning) in READ_ONLY.items()]
     parser = Parser(
         'dummy_arm',
         description='Publish the transforms of a small arm that waves, until Ctrl-C: map -> '
@@ -252,17 +251,11 @@ def make_parser() -> Parser:
                     '(rad); a message without names lets all joints wave again.',
         epilog='\n'.join((
             'parameters, set by --ros-args -p NAME:=VALUE:', *lines,
-            f'  {PREFIX:20} {PREFIX_DESCRIPTION}',
             '  use_sim_time         take the time from /clock (default false)',
             '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
     add_namespace_option(parser, 'publish on', 'tf', 'tf_static', 'joint_states',
                          'robot_description')
-    return parser
-
-
-def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the node; see `--help`. Return the exit code."""
-    return run(make_parser(), partial(run_node, DummyArm), args)
+    return run(parser, partial(run_node, DummyArm), args)
 
 
 if __name__ == '__main__':  # python -m

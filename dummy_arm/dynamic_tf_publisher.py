@@ -14,6 +14,7 @@ parameter `rotation` selects the orientation of moving_frame:
 """
 
 from collections.abc import Sequence
+from functools import partial
 from math import cos, isfinite, sin
 from typing import Optional
 
@@ -56,8 +57,16 @@ class DynamicTfPublisher(Node):
 
     def check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Accept or reject new values of parameters, before they are set."""
-        reasons = [reason for parameter in parameters if (reason := problem(parameter))]
-        return SetParametersResult(successful=not reasons, reason='; '.join(reasons))
+        for parameter in parameters:
+            name, value, expected = parameter.name, parameter.value, ''
+            if name == 'rotation' and value not in ROTATIONS:
+                expected = f'one of {", ".join(ROTATIONS)}'
+            if name in OFFSETS and not (type(value) in (int, float) and isfinite(value)):
+                expected = 'a finite number (rad)'
+            if expected:
+                return SetParametersResult(
+                    successful=False, reason=f'{name} must be {expected}, got {value!r}')
+        return SetParametersResult(successful=True)
 
     def publish(self) -> None:
         """Publish the current pose of moving_frame in map."""
@@ -79,22 +88,6 @@ class DynamicTfPublisher(Node):
         return 0.0, 0.0, 0.0, 1.0
 
 
-def problem(parameter: Parameter) -> Optional[str]:
-    """Return why the value of a parameter is invalid; None if it is valid."""
-    value = parameter.value
-    if parameter.name == 'rotation' and value not in ROTATIONS:
-        return f'rotation must be one of {", ".join(ROTATIONS)}, got {value!r}'
-    if parameter.name in OFFSETS and not (
-            isinstance(value, (int, float)) and not isinstance(value, bool) and isfinite(value)):
-        return f'{parameter.name} must be a finite number (rad), got {value!r}'
-    return None
-
-
-def command(namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
-    """Run the node until Ctrl-C or SIGTERM."""
-    return run_node(DynamicTfPublisher, ros_args, namespace)
-
-
 def main(args: Optional[Sequence[str]] = None) -> int:
     """Run the command; see `--help`."""
     parser = Parser(
@@ -107,4 +100,4 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '  roll, pitch, yaw  Euler angles for rotation:=euler (rad; default 0)\n\n'
         'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5')
     add_namespace_option(parser, 'publish on', 'tf')
-    return run(parser, command, args)
+    return run(parser, partial(run_node, DynamicTfPublisher), args)

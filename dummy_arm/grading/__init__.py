@@ -2,19 +2,16 @@
 
 from collections.abc import Callable, Generator, Sequence
 import sys
-from typing import TYPE_CHECKING
 
+from dummy_arm.grading.records import Grade
 from puretf_tools.cli.parser import CommandError
-
-if TYPE_CHECKING:
-    from dummy_arm.grading.records import Grade
 
 __all__ = ['grade']
 
 
 def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
           on_wait: Callable[[int, str], object] = lambda done, what: None
-          ) -> 'Generator[Grade, None, None]':
+          ) -> Generator[Grade, None, None]:
     """
     Run each program in a ROS domain of its own, and judge the arm that it publishes.
 
@@ -33,7 +30,10 @@ def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
     """
     if sys.platform != 'linux':
         raise CommandError('programs can be run on Linux only; record a bag, and use --bag')
+    try:
+        import psutil  # noqa: F401
+    except ImportError:
+        raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil'
+                           ) from None
     from dummy_arm.grading.hand_ins import graded
-    from dummy_arm.grading.processes import need_psutil
-    need_psutil()
     return graded(files, seconds, jobs, on_wait)

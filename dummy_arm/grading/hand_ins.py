@@ -15,6 +15,7 @@ import time
 from typing import Optional
 
 from dummy_arm.grading import processes
+from dummy_arm.grading.program import how_it_ended
 from dummy_arm.grading.records import DOMAINS, Grade, START, Verdict
 from puretf._causes.domains import used_domains
 from puretf._text.names import shortened
@@ -142,7 +143,7 @@ class _Run(subprocess.Popen[bytes]):
         """End the process, and return the grade."""
         is_late = self.poll() is None
         self.kill()
-        end = processes.how_it_ended(self.wait())
+        end = how_it_ended(self.wait())
         try:
             grade: Grade = self.connection.recv()
         except (EOFError, OSError):

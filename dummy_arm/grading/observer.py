@@ -1,13 +1,14 @@
 """The listener that observes an arm."""
 
 from collections.abc import Callable
+from pathlib import Path
 import time
 from typing import TYPE_CHECKING
 
-from dummy_arm.grading.processes import pid_of_publisher
 from dummy_arm.grading.program import ProgramError
 from dummy_arm.grading.records import ArmPublisher, Messages, Report
 from dummy_arm.grading.sheet import BASE
+from puretf._causes.domains import ros_domains
 from puretf_tools.cli.signals import wait_until
 
 if TYPE_CHECKING:
@@ -27,29 +28,21 @@ class Observer:
         self._node = node
         self.listener = FrameListener(node)
         self.messages = Messages()
-        #: True if a message of /tf has been received.
-        self.has_started = False
         #: All publishers that have been seen on the topics of transforms, by gid.
-        self._publishers: dict[str, ArmPublisher] = {}
+        self.publishers: dict[str, ArmPublisher] = {}
 
     def poll(self) -> bool:
-        """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
+        """Collect what has arrived; return whether any is of /tf; raise ProgramError: too much."""
         received, dropped = self.listener.received()
         for message in received:
             if dropped or self.messages.size > _MOST:
                 raise ProgramError('More transforms arrive than can be judged.')
             self.messages.add(message)
-        self.has_started = self.has_started or not all(
-            message.is_static for message in self.messages)
         for gid, (node, topic) in self.listener.publishers().items():
-            if gid not in self._publishers:
-                self._publishers[gid] = ArmPublisher(
-                    gid, node, topic == self.listener.topics[0], pid_of_publisher(gid))
-        return self.has_started
-
-    def publishers(self) -> list[ArmPublisher]:
-        """Return the publishers that have been seen, those of the oldest process first."""
-        return sorted(self._publishers.values(), key=lambda each: each.pid)
+            if gid not in self.publishers:
+                self.publishers[gid] = ArmPublisher(
+                    gid, node, topic == self.listener.topics[0], _pid(gid))
+        return any(not message.is_static for message in self.messages)
 
     def _reaches_late_joiners(self, tick: Callable[[], object]) -> bool:
         """Return whether a listener that starts now receives base_link on /tf_static."""
@@ -71,4 +64,17 @@ class Observer:
         has_base = any(row.child_frame_id.removeprefix('/') == BASE.name
                        for message in self.messages if message.is_static for row in message.rows)
         reaches = has_base and self._reaches_late_joiners(tick)
-        return check(Arm(self.messages, reaches, end, self.publishers(), int_line))
+        oldest_first = sorted(self.publishers.values(), key=lambda each: each.pid)
+        return check(Arm(self.messages, reaches, end, oldest_first, int_line))
+
+
+def _pid(gid: str) -> int:
+    """Return the process id of a publisher, from its gid in hex; 0 if it is not known."""
+    prefix = bytes.fromhex(gid[:16])
+    if prefix[:2] != b'\x01\x0f':
+        return 0
+    # Fast DDS writes the lower 16 bits of the process id into a gid. Several processes may have
+    # them, but seldom two that take part in a ROS domain.
+    low = int.from_bytes(prefix[4:6], 'little')
+    pids = (int(path.name) for path in Path('/proc').glob('[0-9]*'))
+    return next((pid for pid in pids if pid & 0xffff == low and ros_domains([pid])), 0)

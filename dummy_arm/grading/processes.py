@@ -7,29 +7,12 @@ import os
 import signal
 import time
 
-from puretf._causes.domains import ros_domains
-from puretf_tools.cli.parser import CommandError
-
-try:
-    import psutil
-except ImportError:
-    psutil = None  # type: ignore[assignment]
+import psutil
 
 #: prctl(2)
 _PR_SET_CHILD_SUBREAPER = 36
 #: How long to kill processes, until those that are left are given up, and one round of this (s).
 _LONGEST_END, _ROUND = 10.0, 0.1
-
-
-def need_psutil() -> None:
-    """Raise a CommandError if psutil is missing."""
-    if psutil is None:
-        raise CommandError('psutil is missing: pip install psutil, or apt install python3-psutil')
-
-
-def how_it_ended(code: int) -> str:
-    """Return how a process has ended: by a signal (negative), or with an exit code."""
-    return f'by signal {-code}' if code < 0 else f'with exit code {code}'
 
 
 def become_subreaper(is_subreaper: bool = True) -> None:
@@ -52,7 +35,7 @@ def end_descendants(spared: Collection[int] = ()) -> None:
         psutil.wait_procs(found, _ROUND)
 
 
-def descendants(spared: Collection[int] = ()) -> 'list[psutil.Process]':
+def descendants(spared: Collection[int] = ()) -> list[psutil.Process]:
     """Return what this process has started, but for spared children with what they started."""
     running = [*psutil.process_iter(['ppid', 'memory_info'])]
     found = [each for each in running
@@ -68,17 +51,3 @@ def is_descendant(pid: int) -> bool:
         return os.getpid() in [each.pid for each in psutil.Process(pid).parents()]
     except psutil.NoSuchProcess:
         return True
-
-
-# ROS
-
-
-def pid_of_publisher(gid: str) -> int:
-    """Return the process id of a publisher, from its gid in hex; 0 if it is not known."""
-    prefix = bytes.fromhex(gid[:16])
-    if prefix[:2] != b'\x01\x0f':
-        return 0
-    # Fast DDS writes the lower 16 bits of the process id into a gid. Several processes may have
-    # them, but seldom two that take part in a ROS domain.
-    low = int.from_bytes(prefix[4:6], 'little')
-    return next((pid for pid in psutil.pids() if pid & 0xffff == low and ros_domains([pid])), 0)

@@ -13,10 +13,8 @@ import subprocess
 import sys
 import time
 import tokenize
-from typing import Optional
 from zipfile import is_zipfile
 
-from dummy_arm.grading.processes import how_it_ended
 from puretf._text.names import abbreviated, visible
 from puretf_tools.cli.parser import CommandError
 
@@ -56,6 +54,11 @@ _PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
 
 class ProgramError(CommandError):
     """A program or its arm is not ok; the text says why."""
+
+
+def how_it_ended(code: int) -> str:
+    """Return how a process has ended: by a signal (negative), or with an exit code."""
+    return f'by signal {-code}' if code < 0 else f'with exit code {code}'
 
 
 def program_in(path: Path) -> Path:
@@ -129,14 +132,8 @@ def _copy(program: Path, directory: Path) -> None:
 class Program:
     """A student's program, in a copy of its folder and a session of its own."""
 
-    def __init__(self, path: Path, domain: int, directory: str) -> None:
-        """
-        Copy a program and its folder; raise why it is not run.
-
-        :param path: the file of the program.
-        :param domain: the ROS domain of the program.
-        :param directory: an empty directory.
-        """
+    def __init__(self, path: Path, directory: str) -> None:
+        """Copy a program and its folder to an empty directory; raise why it is not run."""
         tree = _parsed(_source(path), path)
         #: Where a number of a message is an int; 0: nowhere.
         self.int_line = _line_with_int(tree)
@@ -146,11 +143,10 @@ class Program:
         self._arguments = ['-c', _RUN + '["main"]()' * _has_uncalled_main(tree)]
         # `pkill -f dummy_arm.py` looks at command lines, but not at the environment.
         self._environment = {
-            **os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
+            **os.environ, 'ROS_LOG_DIR': directory,
             'CHECK_ARM_PROGRAM': str(self._folder / self._name), 'PYTHONUNBUFFERED': '1',
             'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
         self._output = os.open(Path(directory, 'output'), os.O_CREAT | os.O_RDWR | os.O_APPEND)
-        self._process: Optional[subprocess.Popen[bytes]] = None
 
     def start(self) -> None:
         self._start = time.monotonic()
@@ -161,8 +157,6 @@ class Program:
 
     def check(self) -> None:
         """Raise why the program has failed, unless it is running and has printed no traceback."""
-        if not self._process:
-            return
         code = self._process.poll()
         output = os.pread(self._output, _LONGEST_OUTPUT + 1, 0)
         if len(output) > _LONGEST_OUTPUT:
@@ -187,11 +181,10 @@ class Program:
 
     def end(self) -> None:
         """End the program by SIGINT, with which it can leave the ROS graph, if it does so soon."""
-        if self._process:
-            with suppress(OSError):
-                os.killpg(self._process.pid, signal.SIGINT)
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(_GRACE)
+        with suppress(OSError):
+            os.killpg(self._process.pid, signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_GRACE)
 
 
 def _error_of(output: str, name: str) -> str:

@@ -1,6 +1,6 @@
 """What is observed, and what is found: plain values, which need neither numpy nor ROS."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple, Optional
 
@@ -52,12 +52,14 @@ class ArmPublisher(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line of the table: a requirement, and what was measured."""
+    """A line of the table: what was found about a requirement."""
 
-    requirement: str
     measured: str
-    verdict: str  #: OK, NOT_OK or NOT_JUDGED; ADVICE for good practice that is not followed
-    text: str = ''  #: the likely cause, why it is not judged, or the advice, in a sentence
+    text: str = ''  #: the likely cause, why it is not judged, or the advice; '' if it is met
+    broken: Collection[str] = ()  #: the frames of which nothing that needs this is judged
+    value: Any = None  #: for other requirements
+    verdict: str = ''  #: OK, NOT_OK or NOT_JUDGED; ADVICE for good practice that is not followed
+    requirement: str = ''
     follows: bool = False  #: True if it is not judged because another requirement is not met
 
     @property

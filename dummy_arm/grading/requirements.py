@@ -5,7 +5,7 @@ The check needs no ROS: its input is a list of received or recorded messages. A 
 judged by a pure function of the transforms, and of the results of the requirements that it needs.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import degrees, log, pi, radians
 from operator import itemgetter
@@ -46,18 +46,8 @@ _NORM_TOLERANCE = 10e-3
 _LOWEST_RATE, _USED, _SAME_STAMP = 9.5, 0.49, 0.9
 
 
-class Result(NamedTuple):
-    """What was found about a requirement."""
-
-    measured: str
-    cause: str = ''  #: why it is not met, or not judged; '' if it is met
-    broken: Collection[str] = ()  #: the frames of which nothing that needs this is judged
-    value: Any = None  #: for other requirements
-    is_judged: bool = True
-
-
-def _not_judged(why: str, measured: str = '', value: Any = None) -> Result:
-    return Result(measured, why, value=value, is_judged=False)
+def _not_judged(why: str, measured: str = '', value: Any = None) -> Line:
+    return Line(measured, why, value=value, verdict=Verdict.NOT_JUDGED)
 
 
 class Requirement(NamedTuple):
@@ -65,70 +55,64 @@ class Requirement(NamedTuple):
 
     text: str
     needs: tuple[str, ...]  #: the texts of other requirements
-    judge: Callable[[Arm, SheetFrame, Mapping[str, Result]], Result]
+    judge: Callable[[Arm, SheetFrame, Mapping[str, Line]], Line]
     edge: SheetFrame = SheetFrame('', '', (0.0, 0.0, 0.0))  #: the one that is judged; else the arm
 
 
 def check(arm: Arm) -> Report:
     """Check whether the transforms of an arm meet the requirements."""
-    results: dict[str, Result] = {}
     lines: dict[str, Line] = {}
     for each in (*REQUIREMENTS, *PRACTICES):
-        needed = {text: results[text] for text in each.needs}
+        needed = {text: lines[text] for text in each.needs}
         why = _why_not(each.edge.name, needed)
-        result = _not_judged(why) if why else each.judge(arm, each.edge, needed)
-        verdict = (Verdict.NOT_JUDGED if not result.is_judged else
-                   Verdict.NOT_OK if result.cause else Verdict.OK)
+        line = _not_judged(why) if why else each.judge(arm, each.edge, needed)
+        verdict = line.verdict or (Verdict.NOT_OK if line.text else Verdict.OK)
+        if each in PRACTICES:
+            verdict = (Verdict.NOT_JUDGED if not line.measured else
+                       Verdict.ADVICE if line.text else Verdict.OK)
         follows = verdict == Verdict.NOT_JUDGED and bool(why or (not each.edge.name and any(
-            lines[text].verdict == Verdict.NOT_OK or lines[text].follows for text in each.needs)))
-        results[each.text] = result
-        lines[each.text] = Line(each.text, result.measured, verdict, result.cause, follows)
+            other.verdict == Verdict.NOT_OK or other.follows for other in needed.values())))
+        lines[each.text] = line._replace(requirement=each.text, verdict=verdict, follows=follows)
     found = [lines[each.text] for each in REQUIREMENTS]
     passed = all(line.verdict == Verdict.OK for line in found
                  if arm.reaches_late_joiners is not None or line.requirement != _LATE)
-    return Report(found, [_advice(lines[each.text]) for each in PRACTICES], passed)
+    return Report(found, [lines[each.text] for each in PRACTICES], passed)
 
 
-def _advice(line: Line) -> Line:
-    if not line.measured:
-        return Line(line.requirement, '', Verdict.NOT_JUDGED, 'It cannot be measured.')
-    return line._replace(verdict=Verdict.ADVICE) if line.verdict == Verdict.NOT_OK else line
-
-
-def _why_not(name: str, needed: Mapping[str, Result]) -> str:
+def _why_not(name: str, needed: Mapping[str, Line]) -> str:
     """Return why nothing that needs some results can be judged for a frame; '' if it can be."""
     return next((f'It is not judged, since this is not met: {text}.'
                  for text, result in needed.items() if name in result.broken), '')
 
 
-def _first(faults: Mapping[str, Fault], otherwise: str) -> Result:
+def _first(faults: Mapping[str, Fault], otherwise: str) -> Line:
     """Return the first fault as a result; what needs this is not judged for any of the frames."""
-    return next((Result(*fault, [*faults]) for fault in faults.values()), Result(otherwise))
+    return next((Line(*fault, [*faults]) for fault in faults.values()), Line(otherwise))
 
 
 # Transforms and tree
 
 
-def _validity(arm: Arm, *_: Any) -> Result:
+def _validity(arm: Arm, *_: Any) -> Line:
     """Judge the numbers: tf2 ignores transforms with NaN, and with a quaternion of norm 0."""
     if not arm.samples:
-        return Result('no transform', causes.recreation(arm) or (
+        return Line('no transform', causes.recreation(arm) or (
             'Nothing was received on /tf and /tf_static.'), ['', *FRAMES])
     faults = {name: fault for name in FRAMES[1:] if name in arm.samples if (
         fault := causes.fault_of_numbers(name, arm.samples[name].poses, _NORM_TOLERANCE))}
     return _first(faults, f'{sum(len(each.poses) for each in arm.samples.values())} transforms')
 
 
-def _tree(arm: Arm, *_: Any) -> Result:
+def _tree(arm: Arm, *_: Any) -> Line:
     faults = {edge.name: fault for edge in SHEET if (fault := causes.fault_of_edge(arm, edge))}
     if 'map' in arm.samples and not faults:
         parents = comma_list([*arm.samples['map'].parents], shortened)
-        return Result(f'{parents} → map',
+        return Line(f'{parents} → map',
                       'map is the root of the tree: it must not have a parent.')
     return _first(faults, f'{len(FRAMES)} frames in a chain')
 
 
-def _stamps(arm: Arm, *_: Any) -> Result:
+def _stamps(arm: Arm, *_: Any) -> Line:
     known = {name: samples for name, samples in arm.moving.items() if samples.times.all()}
     if not known:
         return _not_judged('The bag has no times.' if arm.moving else
@@ -142,97 +126,97 @@ def _stamps(arm: Arm, *_: Any) -> Result:
 # base_link and end_effector
 
 
-def _base_on_tf_static(arm: Arm, *_: Any) -> Result:
+def _base_on_tf_static(arm: Arm, *_: Any) -> Line:
     is_static = arm.samples[BASE.name].is_static
     if is_static.all():
-        return Result('/tf_static')
-    return Result('on both' if is_static.any() else '/tf', (
+        return Line('/tf_static')
+    return Line('on both' if is_static.any() else '/tf', (
         'map → base_link is sent on /tf: use StaticTransformBroadcaster, which sends on '
         '/tf_static.'), [BASE.name])
 
 
-def _base_at_origin(arm: Arm, *_: Any) -> Result:
+def _base_at_origin(arm: Arm, *_: Any) -> Line:
     samples = arm.samples[BASE.name]
     position = _farthest(samples.positions, BASE.position)
     measured = metres(position)
     if (angle := largest_angle(samples.rotations[:, :3])) > _ROTATION_TOLERANCE:
-        return Result(f'{measured}, rotated by {in_degrees(angle)}', (
+        return Line(f'{measured}, rotated by {in_degrees(angle)}', (
             causes.WRONG_ORDER if samples.has_wrong_order else
             'base_link must not be rotated in map: the quaternion is (0, 0, 0, 1).'))
-    return Result(measured, '' if is_near(position, BASE.position) else
+    return Line(measured, '' if is_near(position, BASE.position) else
                   'The translation of base_link in map must be (0, 0, 0).')
 
 
-def _late_joiner(arm: Arm, *_: Any) -> Result:
+def _late_joiner(arm: Arm, *_: Any) -> Line:
     if arm.reaches_late_joiners is None:
         return _not_judged('This was not observed.')
-    return Result('received') if arm.reaches_late_joiners else Result(
+    return Line('received') if arm.reaches_late_joiners else Line(
         'not received', 'A listener that starts now does not receive base_link: keep the node and '
         'its StaticTransformBroadcaster as long as the program runs.')
 
 
-def _hand(arm: Arm, *_: Any) -> Result:
+def _hand(arm: Arm, *_: Any) -> Line:
     if HAND.name in arm.moving and (silence := causes.of_silence(arm, HAND.name)):
-        return Result('', silence)
+        return Line('', silence)
     rotations = arm.samples[HAND.name].rotations
     # The angle between two rotations is 2 acos(|q1 · q2|); the absolute value, because q and
     # -q are the same rotation.
     angle = 2 * float(np.arccos(min(1.0, abs(rotations @ rotations[0]).min())))
     if abs(rotations[:, 3]).max() < _ROTATION_TOLERANCE:
-        return Result('rotated by 180.0°', causes.WRONG_ORDER)
+        return Line('rotated by 180.0°', causes.WRONG_ORDER)
     if angle < _ROTATION_TOLERANCE:
-        return Result('fixed')
-    return Result(f'turns by {in_degrees(angle)}',
+        return Line('fixed')
+    return Line(f'turns by {in_degrees(angle)}',
                   'end_effector must not rotate in joint_3: always send (0, 0, 0, 1).')
 
 
 # Positions and joints
 
 
-def _position(arm: Arm, edge: SheetFrame, _: Any) -> Result:
+def _position(arm: Arm, edge: SheetFrame, _: Any) -> Line:
     positions = arm.samples[edge.name].positions
     position = _farthest(positions, edge.position)
-    return Result(metres(position), '' if is_near(position, edge.position) else
+    return Line(metres(position), '' if is_near(position, edge.position) else
                   causes.of_position(edge, positions, position))
 
 
-def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Result:
+def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     samples = arm.samples[joint.name]
     x, y, z = abs(samples.rotations[:, :3]).max(axis=0)
     if largest_angle(samples.rotations[:, :2]) <= _ROTATION_TOLERANCE:
-        return Result('about z' if z > 1e-6 else 'no rotation')
+        return Line('about z' if z > 1e-6 else 'no rotation')
     # The vector part of the quaternion is sin(angle / 2) times the axis.
     axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z))
                         if part > _ROTATION_TOLERANCE / 4)
-    return Result(f'about {axes}', causes.of_axis(joint, samples, axes), [joint.name])
+    return Line(f'about {axes}', causes.of_axis(joint, samples, axes), [joint.name])
 
 
-def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Result:
+def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     samples = arm.samples[joint.name]
     if samples.is_static.all():
-        return Result('on /tf_static', causes.static_joints(arm), [joint.name])
+        return Line('on /tf_static', causes.static_joints(arm), [joint.name])
     if silence := causes.of_silence(arm, joint.name):
-        return Result('', silence, [joint.name])
+        return Line('', silence, [joint.name])
     span = float(np.ptp(samples.angles))
     measured = f'by {in_degrees(span)}'
-    return Result(measured) if span >= _SMALLEST_MOTION else Result(
+    return Line(measured) if span >= _SMALLEST_MOTION else Line(
         measured, causes.of_small_motion(joint.name, span), [joint.name])
 
 
-def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Result:
+def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     angles = arm.samples[joint.name].angles
     largest = float(abs(angles).max())
     measured = f'{in_degrees(float(angles.min()))} to {in_degrees(float(angles.max()))}'
     if largest <= joint.limit + _LIMIT_TOLERANCE:
-        return Result(measured)
+        return Line(measured)
     if largest > radians(170) or np.ptp(np.unwrap(angles)) > 2 * pi:
-        return Result(
+        return Line(
             measured, 'The joint turns all the way round: the angle is in degrees where radians '
             'are needed, or it has no sine. Write radians(limit) * sin(speed * t).', [joint.name])
-    return Result(measured, causes.of_excess(joint, largest))
+    return Line(measured, causes.of_excess(joint, largest))
 
 
-def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Result:
+def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     samples = arm.samples[joint.name]
     usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
     stamps = samples.stamps[usable]
@@ -253,15 +237,15 @@ def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Result:
     found = sine if sine.is_exact else None
     if sine.periods < _SHORTEST_WAVE:
         return _not_judged(causes.of_short_time(joint, sine), f'{sine.periods:.2f} periods', found)
-    return Result(f'differs by {100 * sine.residual:.1f} % of the amplitude',
+    return Line(f'differs by {100 * sine.residual:.1f} % of the amplitude',
                   '' if found else causes.of_wave(joint, times, angles, sine), value=found)
 
 
-def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
+def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
     sines: list[Sine] = [result.value for result in needed.values()]
     for joint, sine in zip(JOINTS, sines):
         if sine and sine.periods < _SLOW and sine.span >= causes.LONG_ENOUGH:
-            return Result(f'{joint.name}: less than {sine.speed:.2g} rad/s',
+            return Line(f'{joint.name}: less than {sine.speed:.2g} rad/s',
                           causes.of_slow_joint(joint))
         if not sine or sine.periods < _SHORTEST_WAVE:
             return _not_judged(f'The speed of {joint.name} cannot be measured.')
@@ -271,8 +255,8 @@ def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
     if _are_in_order(largest) and _deviation(largest) < _deviation(speeds):
         speeds, reading = largest, 'largest speed'
     measured = f'{", ".join(f"{speed:.2f}" for speed in speeds)} rad/s ({reading})'
-    return (Result(measured, value=speeds) if _are_in_order(speeds) else
-            Result(measured, causes.of_speeds(speeds)))
+    return (Line(measured, value=speeds) if _are_in_order(speeds) else
+            Line(measured, causes.of_speeds(speeds)))
 
 
 def _are_in_order(speeds: Sequence[float]) -> bool:
@@ -325,65 +309,65 @@ REQUIREMENTS = (
 # Good practice
 
 
-def _rate(arm: Arm, *_: Any) -> Result:
+def _rate(arm: Arm, *_: Any) -> Line:
     rates = {name: (len(samples.times) - 1) / span for name, samples in arm.moving.items()
              if (span := samples.times[-1] - samples.times[0]) > 0.0}
     name, rate = min(rates.items(), key=itemgetter(1), default=('', 0.0))
-    return Result(f'{rate:.1f} Hz' if rates else '', '' if rate >= _LOWEST_RATE else
+    return Line(f'{rate:.1f} Hz' if rates else '', '' if rate >= _LOWEST_RATE else
                   f'{name} is sent {rate:.1f} times a second: its motion does not look smooth.')
 
 
-def _clock(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
+def _clock(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
     sines: list[Sine] = [result.value for result in needed.values() if result.value]
     if any(sine.has_fixed_step for sine in sines):
-        return Result('a sine of the number of the message',
+        return Line('a sine of the number of the message',
                       'Use the clock: with a fixed step, the speed depends on the rate.')
-    return Result('a sine of the time' if sines else '')
+    return Line('a sine of the time' if sines else '')
 
 
-def _same_stamp(arm: Arm, *_: Any) -> Result:
+def _same_stamp(arm: Arm, *_: Any) -> Line:
     stamps = [set(samples.stamps.tolist()) for samples in arm.moving.values()]
     same = len(set.intersection(*stamps)) / max(map(len, stamps)) if stamps else 0.0
-    return Result(f'{100 * same:.0f} % of the ticks' if len(stamps) > 1 else '',
+    return Line(f'{100 * same:.0f} % of the ticks' if len(stamps) > 1 else '',
                   '' if same >= _SAME_STAMP else
                   'Call get_clock().now() once in each tick, and use it for all frames.')
 
 
-def _use_of_limits(arm: Arm, _: SheetFrame, needed: Mapping[str, Result]) -> Result:
+def _use_of_limits(arm: Arm, _: SheetFrame, needed: Mapping[str, Line]) -> Line:
     used = {joint.name: float(abs(arm.samples[joint.name].angles).max()) / joint.limit
             for joint in JOINTS if not _why_not(joint.name, needed)}
     name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
-    return Result(', '.join(f'{100 * each:.0f} %' for each in used.values()),
+    return Line(', '.join(f'{100 * each:.0f} %' for each in used.values()),
                   '' if part >= _USED else f'{name} uses only {100 * part:.0f} % of its limit.')
 
 
-def _broadcasters(arm: Arm, *_: Any) -> Result:
+def _broadcasters(arm: Arm, *_: Any) -> Line:
     is_known = {gid for _, gid in arm.frames_of} - {NOT_RECORDED, ''}
     found = causes.recreation(arm)
-    return Result((found.partition(':')[0] or f'{len(arm.frames_of)} publishers')
+    return Line((found.partition(':')[0] or f'{len(arm.frames_of)} publishers')
                   if is_known else '', found)
 
 
-def _other_frames(arm: Arm, *_: Any) -> Result:
-    return Result(f'{len(arm.others)} other frames' if arm.samples else '',
+def _other_frames(arm: Arm, *_: Any) -> Line:
+    return Line(f'{len(arm.others)} other frames' if arm.samples else '',
                   f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
 
 
-def _usual_speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Result]) -> Result:
+def _usual_speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
     speeds: Sequence[float] = needed[_SPEEDS].value or ()
-    has_fixed_step = bool(needed[_CLOCK].cause)
+    has_fixed_step = bool(needed[_CLOCK].text)
     cause = next((causes.of_speed(joint, speed, has_fixed_step)
                   for joint, speed in zip(JOINTS, speeds)
                   if not 1 / SPEED_FACTOR <= speed / joint.speed <= SPEED_FACTOR), '')
-    return Result(', '.join(f'{speed:.2f}' for speed in speeds), cause)
+    return Line(', '.join(f'{speed:.2f}' for speed in speeds), cause)
 
 
-def _floats(arm: Arm, *_: Any) -> Result:
+def _floats(arm: Arm, *_: Any) -> Line:
     if arm.int_line:
-        return Result(f'an int in line {arm.int_line}', causes.USE_FLOATS)
+        return Line(f'an int in line {arm.int_line}', causes.USE_FLOATS)
     if any(causes.has_ints(samples.poses) for samples in arm.samples.values()):
-        return Result('an int', causes.USE_FLOATS)
-    return Result('no sign of an int' if arm.samples else '')
+        return Line('an int', causes.USE_FLOATS)
+    return Line('no sign of an int' if arm.samples else '')
 
 
 _CLOCK = 'the motion follows the clock'

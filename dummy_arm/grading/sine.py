@@ -59,22 +59,13 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     t, angles = t[:count], angles[:count]
     step, used = pi / (4 * t[-1]), slice(0, count, -(-count // _MOST_SAMPLES))
     fastest = min(FASTEST, 0.9 * pi * (count - 1) / t[-1])
-    speed = _best(t[used], angles[used], np.arange(step, fastest, step))
+    speed = min(np.arange(step, fastest, step).tolist(),
+                key=lambda speed: fit(_columns(t[used], speed), angles[used])[1])
     speed = _improved(t[used], angles[used], speed, step, fastest)
     (_, a, b), residual = fit(_columns(t, speed), angles)
     amplitude = max(hypot(a, b), 1e-12)
     return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
                 speed * t[-1] / (2 * pi))
-
-
-def _best(t: Floats, y: Floats, speeds: Floats) -> float:
-    """Return the speed whose sine fits best, by the normal equations of all speeds at once."""
-    phases = speeds[:, None] * t
-    columns = np.ones_like(phases), np.sin(phases), np.cos(phases)
-    left = np.stack([[np.einsum('ij,ij->i', one, other) for other in columns] for one in columns])
-    right = np.stack([column @ (y - y.mean()) for column in columns], axis=-1)
-    found = np.linalg.pinv(left.T, 1e-10, True) @ right[..., None]
-    return float(speeds[np.sum(found[..., 0] * right, axis=1).argmax()])
 
 
 def _improved(t: Floats, y: Floats, speed: float, step: float, fastest: float) -> float:

@@ -42,11 +42,11 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
     warnings.simplefilter('ignore')  # of the compiler about the program, and of large numbers
     os.environ['ROS_DOMAIN_ID'] = str(domain)
     processes.become_subreaper()
-    path, program, node = Path(file), None, ExitStack()
+    path, node = Path(file), ExitStack()
     with TemporaryDirectory(dir=directory, ignore_cleanup_errors=True) as directory:
         try:
             path = program_in(path)
-            program = Program(path, domain, directory)
+            program = Program(path, directory)
             grade = _observed(file, connection, program, seconds, domain, node)
         except CommandError as error:
             is_wrong = isinstance(error, ProgramError)
@@ -54,8 +54,6 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
                           Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
         with suppress(OSError):  # the command has ended
             connection.send(grade._replace(drawing=_drawing(Path(file), path.parent)))
-        if program:
-            program.end()
         processes.end_descendants()
     os._exit(0)  # without a shutdown of ROS, which can hang: the program may be killed
 
@@ -101,15 +99,18 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         return False
 
     program.start()
-    if wait_until(START, lambda: watch() or observer.poll()):
-        wait_until(seconds, lambda: watch() or (observer.poll() and False))
-    report = observer.report(program.int_line, watch)
-    program.check()
-    fault = '' if report.passed else observer.listener.wrong_type_hint()
-    if not observer.publishers():
-        fault = _other_domain(domain) or fault
+    try:
+        if wait_until(START, lambda: watch() or observer.poll()):
+            wait_until(seconds, lambda: watch() or (observer.poll() and False))
+        report = observer.report(program.int_line, watch)
+        program.check()
+        fault = '' if report.passed else observer.listener.wrong_type_hint()
+        if not observer.publishers:
+            fault = _other_domain(domain) or fault
+    finally:
+        program.end()
     if not fault and not observer.messages:
-        has = ' It has a broadcaster, but sends nothing with it.' * bool(observer.publishers())
+        has = ' It has a broadcaster, but sends nothing with it.' * bool(observer.publishers)
         fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is the '
                  'timer created, with its period in seconds, and does rclpy.spin run?')
     line = report.first_failure

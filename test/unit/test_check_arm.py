@@ -13,7 +13,7 @@ from typing import Any
 from zipfile import ZipFile
 
 from arms import Arm, WRONG
-from environment import on_linux
+from environment import code_without, on_linux
 from hand_ins import read_table
 from processes import tool_without_ros
 import pytest
@@ -128,10 +128,12 @@ def test_without_pypdf(failed, monkeypatch):
 
 @on_linux
 def test_without_psutil(failed, monkeypatch):
-    """The remedy is named."""
-    monkeypatch.setattr('dummy_arm.grading.processes.psutil', None)
+    """The remedy is named; what runs no program does not need it."""
+    monkeypatch.setitem(sys.modules, 'psutil', None)
     assert failed(main, 'arm.py') == (
         1, 'check_arm: psutil is missing: pip install psutil, or apt install python3-psutil\n')
+    code = f'{code_without(["psutil"])}import dummy_arm.check_arm, dummy_arm.grading.requirements'
+    subprocess.run([sys.executable, '-c', code], check=True)
 
 
 def archive(name):

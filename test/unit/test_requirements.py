@@ -48,8 +48,8 @@ def test_a_right_arm_passes(name):
     """Only a late listener cannot be judged."""
     report = check(received(RIGHT[name]))
     assert [line for line in report.lines if line.verdict != Verdict.OK] == [
-        Line('base_link reaches a late listener', '', Verdict.NOT_JUDGED,
-             'This was not observed.')]
+        Line('', 'This was not observed.', verdict=Verdict.NOT_JUDGED,
+             requirement='base_link reaches a late listener')]
     assert report.passed
     assert report.first_failure is None
 
@@ -68,7 +68,7 @@ def test_a_wrong_arm_fails_where_it_is_wrong(requirement, cause):
         assert line.verdict in (Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED)
         assert bool(line.text) == (line.verdict != Verdict.OK)
         assert re.fullmatch(r'|.+[.?)]', line.text)
-        assert all(text.isprintable() for text in line[:4])
+        assert (line.measured + line.text).isprintable()
     # What is broken once does not fail again elsewhere, unless it is wrong at several joints.
     kinds = {re.sub(r'joint_\d|[\d.]+', '', line.requirement) for line in failures(report)}
     assert len(kinds) == 1
