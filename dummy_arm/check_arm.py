@@ -9,7 +9,7 @@ import sys
 from typing import Optional
 
 from dummy_arm.grading import grade
-from dummy_arm.grading.drawing import fault_of_drawing
+from dummy_arm.grading.drawing import judge
 from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.records import DOMAINS, Grade, Messages, Report, START, Verdict
 from dummy_arm.grading.requirements import check
@@ -99,7 +99,7 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
     if result.report:
         lines += ['', *format_report(result.report)]
     if result.drawing:
-        lines += ['', f'frames.pdf: {result.drawing}']
+        lines += ['', result.drawing]
     _write(path, '\n'.join([*lines, '']))
 
 
@@ -209,7 +209,9 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
     elif not 1 <= jobs <= len(DOMAINS):
         raise UsageError(f'--jobs must be at least 1, and at most {len(DOMAINS)}, got {jobs}')
     if frames:
-        return _check_drawings(frames)
+        drawings = [judge(Path(path)) for path in frames]
+        print('\n'.join(each.line for each in drawings))
+        return 0 if all(each.verdict == Verdict.OK for each in drawings) else 1
     if files:
         return _grade_all(files, duration, jobs, table, feedback)
     try:
@@ -219,13 +221,6 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
         raise CommandError('interrupted: nothing was judged') from None
     print('\n'.join(format_report(report)))
     return 0 if report.passed else 1
-
-
-def _check_drawings(paths: Sequence[str]) -> int:
-    faults = {path: fault_of_drawing(Path(path)) for path in paths}
-    for path, fault in faults.items():
-        print(Grade(path, None, fault, Verdict.NOT_OK if fault else Verdict.OK).line)
-    return 1 if any(faults.values()) else 0
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -29,6 +29,11 @@ _SILENCE, _LONG_PERIOD = 6.0, 5.0
 #: A joint that is this many times faster than on the sheet probably has another unit of time. So
 #: has one whose usual change between two messages is this part of its range, and no sine.
 _OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
+#: A current stamp differs from the time of arrival by less than this time (s). This part of the
+#: stamps may differ by more: if the machine stops for some seconds, what was sent then is late.
+LARGEST_DELAY, _DELAYED = 0.5, 0.3
+#: tf2's limit for |norm² - 1| of a quaternion.
+_NORM_TOLERANCE = 10e-3
 #: A float that is smaller, but not 0, is what an int becomes where a float is expected.
 _SMALLEST_FLOAT = 1e-300
 
@@ -37,7 +42,7 @@ WRONG_ORDER = ('Is the order x, y, z, w? In a message, w is the last number; tra
 USE_FLOATS = ('Write 0.0 and not 0, since all numbers in a message are floats: in the container, '
               'an int may be sent as another number.')
 _HALF_ANGLE = 'In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).'
-_UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
+UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
 _NOW = 'write header.stamp = self.get_clock().now().to_msg()'
 #: What was measured, and the cause.
 Fault = tuple[str, str]
@@ -62,12 +67,12 @@ def static_joints(arm: Arm) -> str:
             ) if names else ''
 
 
-def fault_of_numbers(name: str, poses: Floats, tolerance: float) -> Optional[Fault]:
+def fault_of_numbers(name: str, poses: Floats) -> Optional[Fault]:
     if not np.isfinite(poses).all():
         return 'nan or inf', (f'{name} has a number that is not finite; tf2 ignores such a '
                               'transform.')
     norms = np.linalg.norm(poses[:, 3:], axis=1)
-    if abs(norms ** 2 - 1).max() < tolerance:
+    if abs(norms ** 2 - 1).max() < _NORM_TOLERANCE:
         return None
     norm = norms[abs(norms - 1).argmax()]
     if has_ints(poses[:, 3:]):
@@ -166,12 +171,11 @@ def _nearest(name: str, others: Sequence[str]) -> str:
     return next(iter(near_names(name, candidates, 0.75)), '')
 
 
-def fault_of_stamps(name: str, samples: Samples, largest: float, delayed: float
-                    ) -> Optional[Fault]:
+def fault_of_stamps(name: str, samples: Samples) -> Optional[Fault]:
     stamps, delays = samples.stamps, samples.delays
-    is_wrong = abs(delays) >= largest
+    is_wrong = abs(delays) >= LARGEST_DELAY
     has_whole_seconds = len(stamps) > 1 and not (stamps % 10**9).any()
-    if is_wrong.mean() <= delayed and not has_whole_seconds:
+    if is_wrong.mean() <= _DELAYED and not has_whole_seconds:
         return None
     if not stamps.any():
         measured, cause = '0', f'is not set: {_NOW}.'
@@ -215,15 +219,6 @@ def is_near(position: Vector, expected: ArrayLike) -> bool:
     return bool(np.linalg.norm(np.subtract(position, expected)) <= POSITION_TOLERANCE)
 
 
-def of_axis(joint: SheetFrame, samples: Samples, axes: str) -> str:
-    if samples.has_wrong_order:
-        return WRONG_ORDER
-    if axes in ('x', 'y'):
-        return (f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and in '
-                'quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.')
-    return f'{joint.name} must turn about z only: x and y of its quaternion are 0.'
-
-
 def of_excess(joint: SheetFrame, largest: float) -> str:
     """Return why the largest angle of a joint exceeds its limit."""
     excess = f'The limit is exceeded by {in_degrees(largest - joint.limit)}'
@@ -265,16 +260,9 @@ def of_interval(name: str, interval: float) -> str:
             'as 0.02?')
 
 
-def of_small_motion(name: str, span: float) -> str:
-    return (f'{name} hardly moves: {_UNIT_OF_TIME} Or is a limit or a speed converted from '
-            'degrees to radians twice?' if span > 0.0 else
-            f'The angle of {name} does not change: compute it in the callback of the timer, from '
-            'the current time.')
-
-
 def of_wave(joint: SheetFrame, times: Floats, angles: Floats, sine: Sine) -> str:
     """Return why the motion of a joint is not a sine."""
-    too_fast = f'{joint.name} moves too fast to see a wave: {_UNIT_OF_TIME}'
+    too_fast = f'{joint.name} moves too fast to see a wave: {UNIT_OF_TIME}'
     if sine.speed > 0.9 * FASTEST:
         return too_fast
     low, high = float(angles.min()), float(angles.max())
@@ -315,11 +303,6 @@ def of_speed(joint: SheetFrame, speed: float, has_fixed_step: bool) -> str:
             f'rad/s): {why}')
 
 
-def of_slow_joint(joint: SheetFrame) -> str:
-    return (f'{joint.name} is much too slow: {_UNIT_OF_TIME} Or is the speed converted? About '
-            f'{joint.speed} rad/s is in radians already: do not convert it.')
-
-
 def of_speeds(speeds: Sequence[float]) -> str:
     """Return why speeds are not in the right order."""
     for (first, speed), (second, other) in combinations(zip(JOINTS, speeds), 2):
@@ -327,7 +310,7 @@ def of_speeds(speeds: Sequence[float]) -> str:
             return f'{first.name} and {second.name} have the same speed.'
     for speed, joint in reversed([*zip(speeds, JOINTS)]):
         if speed > _OTHER_UNIT * joint.speed:
-            return f'{joint.name} is much too fast: {_UNIT_OF_TIME}'
+            return f'{joint.name} is much too fast: {UNIT_OF_TIME}'
     return 'The order of the speeds is wrong: joint_1 is the slowest, joint_3 is the fastest.'
 
 

@@ -7,26 +7,28 @@ from pathlib import Path
 import re
 from unicodedata import normalize
 
+from dummy_arm.grading.records import Grade, Verdict
 from dummy_arm.grading.sheet import FRAMES
 from puretf._text.names import comma_list, quoted
-from puretf_tools.cli.parser import CommandError
 
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
 _LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
                     r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
 
 
-def fault_of_drawing(path: Path) -> str:
-    """
-    Return why a PDF of view_frames does not show the arm; '' if it does.
-
-    It has texts that are names of frames, and their places on the paper.
-    """
+def judge(path: Path) -> Grade:
+    """Judge whether a PDF of view_frames shows the arm."""
     try:
-        from pypdf import PdfReader
+        fault = _fault(path)
     except ImportError:
-        raise CommandError('pypdf is needed to read a PDF: apt install python3-pypdf, or pip '
-                           'install pypdf') from None
+        return Grade(str(path), None, 'pypdf is needed to read a PDF: apt install python3-pypdf, '
+                     'or pip install pypdf.', Verdict.NOT_JUDGED)
+    return Grade(str(path), None, fault, Verdict.NOT_OK if fault else Verdict.OK)
+
+
+def _fault(path: Path) -> str:
+    """Return what is wrong with the texts, and their places on the paper; '' if nothing is."""
+    from pypdf import PdfReader
     #: By the place on the paper. A text is in several parts if it has a ligature, such as "ff".
     texts: defaultdict[tuple[float, float], str] = defaultdict(str)
 

@@ -36,11 +36,6 @@ _SHORTEST_WAVE = 0.8
 _BETTER, _EXACT = 0.1, 1e-6
 #: A joint of which less than this part of a period is observed in a long time is too slow.
 _SLOW = 0.3
-#: A current stamp differs from the time of arrival by less than this time (s). This part of the
-#: stamps may differ by more: if the machine stops for some seconds, what was sent then is late.
-_LARGEST_DELAY, _DELAYED = 0.5, 0.3
-#: tf2's limit for |norm² - 1| of a quaternion.
-_NORM_TOLERANCE = 10e-3
 #: Good practice: the lowest rate (Hz), the part of a limit that is used, and the part of the ticks
 #: in which all frames have the same stamp.
 _LOWEST_RATE, _USED, _SAME_STAMP = 9.5, 0.49, 0.9
@@ -99,7 +94,7 @@ def _validity(arm: Arm, *_: Any) -> Line:
         return Line('no transform', causes.recreation(arm) or (
             'Nothing was received on /tf and /tf_static.'), ['', *FRAMES])
     faults = {name: fault for name in FRAMES[1:] if name in arm.samples if (
-        fault := causes.fault_of_numbers(name, arm.samples[name].poses, _NORM_TOLERANCE))}
+        fault := causes.fault_of_numbers(name, arm.samples[name].poses))}
     return _first(faults, f'{sum(len(each.poses) for each in arm.samples.values())} transforms')
 
 
@@ -117,8 +112,8 @@ def _stamps(arm: Arm, *_: Any) -> Line:
     if not known:
         return _not_judged('The bag has no times.' if arm.moving else
                            'No transform of the arm is on /tf.')
-    faults = {name: fault for name, samples in known.items() if (
-        fault := causes.fault_of_stamps(name, samples, _LARGEST_DELAY, _DELAYED))}
+    faults = {name: fault for name, samples in known.items()
+              if (fault := causes.fault_of_stamps(name, samples))}
     largest = max(abs(float(np.median(samples.delays))) for samples in known.values())
     return _first(faults, f'{largest * 1e3:.1f} ms from the time of arrival')
 
@@ -188,7 +183,11 @@ def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     # The vector part of the quaternion is sin(angle / 2) times the axis.
     axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z))
                         if part > _ROTATION_TOLERANCE / 4)
-    return Line(f'about {axes}', causes.of_axis(joint, samples, axes), [joint.name])
+    return Line(f'about {axes}', causes.WRONG_ORDER if samples.has_wrong_order else (
+        f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and in '
+        'quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.'
+        if axes in ('x', 'y') else
+        f'{joint.name} must turn about z only: x and y of its quaternion are 0.'), [joint.name])
 
 
 def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
@@ -199,8 +198,11 @@ def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
         return Line('', silence, [joint.name])
     span = float(np.ptp(samples.angles))
     measured = f'by {in_degrees(span)}'
-    return Line(measured) if span >= _SMALLEST_MOTION else Line(
-        measured, causes.of_small_motion(joint.name, span), [joint.name])
+    return Line(measured) if span >= _SMALLEST_MOTION else Line(measured, (
+        f'{joint.name} hardly moves: {causes.UNIT_OF_TIME} Or is a limit or a speed converted '
+        'from degrees to radians twice?' if span > 0.0 else
+        f'The angle of {joint.name} does not change: compute it in the callback of the timer, '
+        'from the current time.'), [joint.name])
 
 
 def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
@@ -218,7 +220,7 @@ def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
 
 def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     samples = arm.samples[joint.name]
-    usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
+    usable = (samples.times == 0) | (abs(samples.delays) < causes.LARGEST_DELAY)
     stamps = samples.stamps[usable]
     if len(stamps) < FEWEST or np.ptp(stamps) < SECOND:
         return _not_judged(causes.recreation(arm) or (
@@ -245,8 +247,9 @@ def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
     sines: list[Sine] = [result.value for result in needed.values()]
     for joint, sine in zip(JOINTS, sines):
         if sine and sine.periods < _SLOW and sine.span >= causes.LONG_ENOUGH:
-            return Line(f'{joint.name}: less than {sine.speed:.2g} rad/s',
-                          causes.of_slow_joint(joint))
+            return Line(f'{joint.name}: less than {sine.speed:.2g} rad/s', (
+                f'{joint.name} is much too slow: {causes.UNIT_OF_TIME} Or is the speed converted? '
+                f'About {joint.speed} rad/s is in radians already: do not convert it.'))
         if not sine or sine.periods < _SHORTEST_WAVE:
             return _not_judged(f'The speed of {joint.name} cannot be measured.')
     # The speed on the sheet can be that of the phase, or the largest one that a joint reaches.

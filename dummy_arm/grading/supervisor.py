@@ -13,8 +13,7 @@ from tempfile import TemporaryDirectory
 import time
 import warnings
 
-from dummy_arm.grading import processes
-from dummy_arm.grading.drawing import fault_of_drawing
+from dummy_arm.grading import drawing, processes
 from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
@@ -53,20 +52,11 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
             grade = Grade(file, None, str(error),
                           Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
         with suppress(OSError):  # the command has ended
-            connection.send(grade._replace(drawing=_drawing(Path(file), path.parent)))
+            connection.send(grade._replace(drawing=next((
+                drawing.judge(each).line for folder in (Path(file), path.parent)
+                if os.path.exists(each := folder / 'frames.pdf')), '')))
         processes.end_descendants()
     os._exit(0)  # without a shutdown of ROS, which can hang: the program may be killed
-
-
-def _drawing(*folders: Path) -> str:
-    for path in (folder / 'frames.pdf' for folder in folders):
-        if os.path.exists(path):
-            try:
-                fault = fault_of_drawing(path)
-            except CommandError as error:
-                return f'{Verdict.NOT_JUDGED}: {error}'
-            return f'{Verdict.NOT_OK}: {fault}' if fault else Verdict.OK
-    return ''
 
 
 def _observed(file: str, connection: Connection, program: Program, seconds: float, domain: int,

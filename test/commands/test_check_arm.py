@@ -13,7 +13,7 @@ from ros_node import eventually, stamped
 
 from dummy_arm import check_arm
 from dummy_arm.check_arm import main
-from dummy_arm.grading.drawing import fault_of_drawing
+from dummy_arm.grading.drawing import judge
 from dummy_arm.grading.sheet import FRAMES
 from puretf import StaticTransformBroadcaster
 from puretf._causes import domains
@@ -39,7 +39,7 @@ def test_the_arm_that_is_running(start, domain_id, tmp_path):
         'arm.svg', 'frames.pdf', 'report.txt']
     assert (tmp_path / 'in' / 'report.txt').read_text() == result.stdout
     if find_spec('pypdf'):
-        assert fault_of_drawing(tmp_path / 'in' / 'frames.pdf') == ''
+        assert judge(tmp_path / 'in' / 'frames.pdf').verdict == 'ok'
     svg = ElementTree.parse(tmp_path / 'in' / 'arm.svg')
     assert [each.text for each in svg.iterfind('{*}text')] == [*FRAMES[2:]]
     path, arm = ([hypot(*map(float, point.split(','))) for point in line.get('points', '').split()]

@@ -117,13 +117,13 @@ def test_drawings_that_cannot_be_read(tmp_path, capsys, monkeypatch):
         f'{name}: not ok: {reason}' for name, reason in reasons.items()]
 
 
-def test_without_pypdf(failed, monkeypatch):
+def test_without_pypdf(capsys, monkeypatch):
     """The remedy is named."""
     monkeypatch.setitem(sys.modules, 'pypdf', None)
-    code, error = failed(main, '--frames', 'frames.pdf')
-    assert code == 1
-    assert error.startswith(
-        'check_arm: pypdf is needed to read a PDF: apt install python3-pypdf, or pip')
+    assert main(['--frames', 'frames.pdf']) == 1
+    assert capsys.readouterr().out == (
+        'frames.pdf: not judged: pypdf is needed to read a PDF: apt install python3-pypdf, or pip '
+        'install pypdf.\n')
 
 
 @on_linux
@@ -184,7 +184,7 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     for name, (_, reason) in REFUSED.items():
         (line,) = [line for line in lines if line.startswith(f'{name}: not ok: {reason}')]
-        drawing = r'\n\nframes.pdf: not (ok|judged): .+' if name == 'folder' else ''
+        drawing = r'\n\nfolder/frames.pdf: not (ok|judged): .+' if name == 'folder' else ''
         assert re.fullmatch(re.escape(line) + drawing + '\n',
                             (tmp_path / 'feedback' / f'{name}.txt').read_text())
     assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
