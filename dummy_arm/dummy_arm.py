@@ -65,11 +65,6 @@ for joint, offset in zip(JOINTS, OFFSETS):
             offset, -100.0, 100.0, 'm', f'distance of {joint.name} from its parent frame')}
 
 
-def description() -> str:
-    """Return the URDF of the arm."""
-    return files('dummy_arm').joinpath('urdf/dummy_arm.urdf').read_text(encoding='utf-8')
-
-
 def command_problem(command: JointState, limits: dict[str, float]) -> Optional[str]:
     """
     Return why a command is invalid; None if it is valid.
@@ -128,7 +123,8 @@ class DummyArm(Node):
         if self._value('publish_description'):
             self._description = self.create_publisher(String, 'robot_description', QoSProfile(
                 depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-            self._description.publish(String(data=description()))
+            urdf = files('dummy_arm').joinpath('urdf/dummy_arm.urdf')
+            self._description.publish(String(data=urdf.read_text(encoding='utf-8')))
         self._refused = ''  # why the last message was refused, without numbers
         self._commands = self.create_subscription(
             JointState, '~/joint_command', self._obey, 10, raw=True)

@@ -45,11 +45,8 @@ def _fault(path: Path) -> str:
         return f'It cannot be read: {error.strerror}.'
     except Exception:  # a damaged file causes errors of many types
         texts.clear()
-    return _fault_of_names({text.strip(): depth for (depth, _), text in sorted(texts.items())
-                            if text.strip() and not _LABEL.match(text.strip())})
-
-
-def _fault_of_names(names: dict[str, float]) -> str:
+    names = {text.strip(): depth for (depth, _), text in sorted(texts.items())
+             if text.strip() and not _LABEL.match(text.strip())}
     if not names:
         return 'It is not a PDF with text that can be read.'
     missing = [name for name in FRAMES if name not in names]

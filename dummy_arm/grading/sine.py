@@ -48,8 +48,9 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     """
     Fit c + a sin(speed t) + b cos(speed t) to angles by least squares.
 
-    The speed is searched on a grid. Then it is improved by Gauss-Newton steps, as in the
-    four-parameter sine fit of IEEE Std 1057. In a long observation, only its beginning counts.
+    The speed is searched on a grid. Then it is improved by Gauss-Newton steps, each of at most a
+    step of the grid, as in the four-parameter sine fit of IEEE Std 1057. In a long observation,
+    only its beginning counts.
 
     :param times: (n,) times (s), n >= 20, in ascending order.
     :param angles: (n,) angles (rad), which are not all equal.
@@ -57,26 +58,22 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     t = times - times[0]
     count = int(np.searchsorted(t, max(_LONGEST, t[FEWEST - 1]), 'right'))
     t, angles = t[:count], angles[:count]
-    step, used = pi / (4 * t[-1]), slice(0, count, -(-count // _MOST_SAMPLES))
+    every = -(-count // _MOST_SAMPLES)
+    few, y = t[::every], angles[::every]
+    step = pi / (4 * t[-1])
     fastest = min(FASTEST, 0.9 * pi * (count - 1) / t[-1])
     speed = min(np.arange(step, fastest, step).tolist(),
-                key=lambda speed: fit(_columns(t[used], speed), angles[used])[1])
-    speed = _improved(t[used], angles[used], speed, step, fastest)
+                key=lambda speed: fit(_columns(few, speed), y)[1])
+    for _ in range(10):
+        columns = _columns(few, speed)
+        (_, a, b), _ = fit(columns, y)
+        slope = few * (a * columns[:, 2] - b * columns[:, 1])
+        change = float(fit(np.column_stack([columns, slope]), y)[0][3])
+        speed = min(max(speed + min(max(change, -step), step), step / 2), fastest)
     (_, a, b), residual = fit(_columns(t, speed), angles)
     amplitude = max(hypot(a, b), 1e-12)
     return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
                 speed * t[-1] / (2 * pi))
-
-
-def _improved(t: Floats, y: Floats, speed: float, step: float, fastest: float) -> float:
-    """Return the speed after Gauss-Newton steps, each of which is at most `step` (rad/s)."""
-    for _ in range(10):
-        columns = _columns(t, speed)
-        (_, a, b), _ = fit(columns, y)
-        slope = t * (a * columns[:, 2] - b * columns[:, 1])
-        change = float(fit(np.column_stack([columns, slope]), y)[0][3])
-        speed = min(max(speed + min(max(change, -step), step), step / 2), fastest)
-    return speed
 
 
 def _columns(t: Floats, speed: float) -> Floats:
