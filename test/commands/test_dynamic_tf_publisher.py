@@ -1,11 +1,15 @@
-"""The command `dynamic_tf_publisher`; test_lab.py tests what it publishes."""
+"""The command `dynamic_tf_publisher`."""
+
+from math import cos, pi, sin
 
 from cli_runner import call
+import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from ros_node import command_node
 
 from dummy_arm.dynamic_tf_publisher import DynamicTfPublisher, main
+from puretf import TFMessage
 
 
 @pytest.mark.parametrize(('argument', 'message'), [
@@ -27,6 +31,31 @@ def test_it_says_what_it_publishes_until_a_signal(domain_id):
         main, '--ros-args', '-p', 'rotation:=euler', '-p', 'roll:=1', domain=domain_id,
         until=lambda text: 'publishing map -> moving_frame at 10 Hz, rotation: euler\n' in text)
     assert (code, output, error.splitlines()[1:]) == (0, '', [])
+
+
+@pytest.mark.parametrize(('rotation', 'roll', 'expected'), [
+    ('identity', 0.0, lambda half: [0.0, 0.0, 0.0, 1.0]),
+    ('quaternion', 0.0, lambda half: [0.0, 0.0, sin(half), cos(half)]),
+    ('euler', 0.0, lambda half: [0.0, 0.0, sin(half), cos(half)]),
+    ('euler', pi / 2, lambda half: np.sqrt(0.5) * np.array(
+        [cos(half), sin(half), sin(half), cos(half)]))])
+def test_a_frame_moves_on_a_circle(domain_id, rotation, roll, expected):
+    """It is 0.1 rad further in each message; its rotation can be set while the node runs."""
+    with command_node(DynamicTfPublisher, domain_id) as (node, ros):
+        node.set_parameters([Parameter('rotation', value=rotation), Parameter('roll', value=roll)])
+        messages: list[TFMessage] = []
+        ros.node.create_subscription(TFMessage, '/tf', messages.append, 100)
+        ros.until(lambda: len(messages) > 4)
+    angles = []
+    for message in messages:
+        (moved,) = message.transforms
+        assert (moved.header.frame_id, moved.child_frame_id) == ('map', 'moving_frame')
+        at, turn = moved.transform.translation, moved.transform.rotation
+        angles.append(np.arctan2(at.y, at.x))
+        assert (np.hypot(at.x, at.y), at.z) == (pytest.approx(1.0), 0.0)
+        assert abs(np.dot([turn.x, turn.y, turn.z, turn.w], expected(angles[-1] / 2))
+                   ) == pytest.approx(1.0)
+    np.testing.assert_allclose(np.diff(np.unwrap(angles)), 0.1, atol=1e-9)
 
 
 def test_bad_values_are_refused_while_it_runs(domain_id):

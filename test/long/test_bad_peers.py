@@ -17,8 +17,6 @@ import subprocess
 import sys
 import time
 from typing import NamedTuple
-from urllib.error import URLError
-from urllib.request import urlopen
 
 from arms import Arm
 from bad_peers import ATTACKS, WRONG_PLACE
@@ -234,14 +232,6 @@ class Victims:
             'the listener')
         return self.lookups(sizes, begin, end), sent
 
-    def _page(self):
-        """Return the page of web_view; '' if it is not served."""
-        try:
-            with urlopen(f'http://127.0.0.1:{self._port}', timeout=TIMEOUT) as page:
-                return page.read().decode()
-        except URLError:
-            return ''
-
     def check_output(self, sizes, since):
         """Check that each command shows the arm, later than a time (ns) and correctly."""
         def echoed():
@@ -265,8 +255,7 @@ class Victims:
             return any(later < earlier + 0.9 for earlier, later in pairwise(ages))
 
         wait_until(drawn_anew, 'view_frames')
-        page = wait_until(self._page, 'web_view')
-        assert '<html' in page
+        wait_until(self._programs['web_view'].out.read_text, 'web_view')
         viewer = Viewer(self._port)
         viewer.until(lambda: 'end_effector' in str(viewer.gui))
         viewer.close()

@@ -1,10 +1,10 @@
 """The ports that each command opens, and on which address. These tests take 10 s."""
 
-from collections.abc import Iterator
-from pathlib import Path
+from socket import SOCK_STREAM
 
 import bags
 from processes import ARM, tool
+import psutil
 from ros_node import eventually
 
 #: The commands that use ROS, and what each prints once it runs.
@@ -19,21 +19,13 @@ COMMANDS = {
     'view_frames': (tool('view_frames', '--watch'), 'end_effector'),
     'web_view': (tool('web_view'), 'http'),
 }
-_LISTENING, _UNCONNECTED = '0A', '07'
 
 
-def sockets(pid: int) -> Iterator[tuple[str, str, int]]:
-    """Yield protocol, address and port of the sockets at which a process receives from others."""
-    inodes = {str(link.readlink()) for link in Path(f'/proc/{pid}/fd').iterdir()}
-    for protocol, state in (('tcp', _LISTENING), ('udp', _UNCONNECTED)):
-        for version in '', '6':
-            for line in Path(f'/proc/{pid}/net/{protocol}{version}').read_text().splitlines()[1:]:
-                fields = line.split()
-                address, port = fields[1].split(':')
-                if fields[3] == state and f'socket:[{fields[9]}]' in inodes:
-                    parts = [int(address[i:i + 2], 16) for i in (6, 4, 2, 0)]
-                    yield (protocol, '.'.join(map(str, parts)) if not version else address,
-                           int(port, 16))
+def sockets(pid: int) -> list[tuple[str, str, int]]:
+    """Return protocol, address and port of the sockets at which a process receives from others."""
+    return [('tcp' if each.type == SOCK_STREAM else 'udp', *each.laddr)
+            for each in psutil.net_connections('inet') if each.pid == pid
+            and not each.raddr and each.status in (psutil.CONN_LISTEN, psutil.CONN_NONE)]
 
 
 def is_of_fast_dds(port: int, domain: int) -> bool:
@@ -53,7 +45,7 @@ def test_only_pages_open_a_tcp_port_and_on_loopback(start, domain_id):
     for name, (_, text) in COMMANDS.items():
         processes[name].line_with(text)
     for name, process in processes.items():
-        opened = [*sockets(process.pid)]
+        opened = sockets(process.pid)
         tcp = [(address, port) for protocol, address, port in opened if protocol == 'tcp']
         udp = [port for protocol, _, port in opened if protocol == 'udp']
         if name in ('joint_state_publisher', 'web_view'):
@@ -71,5 +63,5 @@ def test_a_page_of_a_bag_opens_the_tcp_port_alone(start, tmp_path):
     process = start(*tool('web_view', '--bag', str(path), '--host', '127.0.0.2',
                           '--port', '18431'))
     process.line_with('http://127.0.0.2:18431')
-    eventually(lambda: [*sockets(process.pid)])
-    assert [*sockets(process.pid)] == [('tcp', '127.0.0.2', 18431)]
+    eventually(lambda: sockets(process.pid))
+    assert sockets(process.pid) == [('tcp', '127.0.0.2', 18431)]

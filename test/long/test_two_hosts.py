@@ -2,8 +2,8 @@
 Two hosts: network namespaces that only a pair of virtual interfaces connects.
 
 The namespaces have no route to any other network. Each has a /dev/shm of its own, as hosts do, so
-that Fast DDS cannot use shared memory between them. This needs root and iproute2, and takes half a
-minute.
+that Fast DDS cannot use shared memory between them. This needs root and iproute2, and takes 1.5
+minutes.
 """
 
 from functools import partial
@@ -13,9 +13,10 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import time
 
-from processes import ARM
+from processes import ARM, tool
 import pytest
 from watching import begin_of, Watch
 
@@ -24,14 +25,26 @@ ADDRESSES = '10.77.0.1', '10.77.0.2'
 OUTAGE = 10.0
 #: What begins after this time (s) finds nothing any more that was sent before.
 LATER = 2.5
-#: Starts a program with a private /dev/shm in place of that of the machine.
-PRIVATE_MEMORY = 'mount -t tmpfs -o size=64m tmpfs /dev/shm && exec "$@"'
-#: Starts a program on a host; the arguments are the host and those of python.
-ON_HOST = f"""
+#: Gives a program a private /dev/shm in place of that of the machine.
+PRIVATE_MEMORY = 'mount -t tmpfs -o size=64m tmpfs /dev/shm && '
+#: Starts a program on a host; the arguments are the host, what a shell does first, and python's.
+ON_HOST = """
 import os, sys
-host, *arguments = sys.argv[1:]
-os.execvp('ip', ['ip', 'netns', 'exec', host, 'sh', '-c', {PRIVATE_MEMORY!r}, 'sh',
+host, first, *arguments = sys.argv[1:]
+os.execvp('ip', ['ip', 'netns', 'exec', host, 'sh', '-c', f'{first}exec "$@"', 'sh',
                  sys.executable, '-u', *arguments])
+"""
+#: Prints once a second by how much the frame that a page shows is older than now (s).
+VIEWER = """
+import sys, time
+host, port, *sys.path[:0] = sys.argv[1:]
+from viewer import Viewer
+viewer, end = Viewer(int(port), host), time.monotonic() + 40.0
+viewer.until(lambda: viewer.detail('parent-time'))
+while time.monotonic() < end:
+    begin = time.monotonic()
+    viewer.until(lambda: time.monotonic() > begin + 1.0)
+    print(time.time() - float(viewer.detail('parent-time').split()[0]), flush=True)
 """
 #: The errors for which the tests are skipped.
 NOT_PERMITTED = re.compile('not permitted|denied|not supported|Unknown device type', re.I)
@@ -86,7 +99,7 @@ def hosts():
                'peer', 'name', 'eth', 'netns', second.name)
             first.connect()
             second.connect()
-            first.run('sh', '-c', PRIVATE_MEMORY, 'sh', 'true')
+            first.run('sh', '-c', f'{PRIVATE_MEMORY}true')
         except subprocess.CalledProcessError as error:
             if not NOT_PERMITTED.search(error.stderr):
                 raise AssertionError(error.stderr) from None
@@ -105,8 +118,8 @@ def on_host(hosts, start):
 
     The range is that of the discovery: SUBNET, or LOCALHOST. The processes end before the hosts.
     """
-    def start_on_host(number, discovery_range, *arguments):
-        return start('-c', ON_HOST, hosts[number].name, *arguments,
+    def start_on_host(number, discovery_range, *arguments, first=PRIVATE_MEMORY):
+        return start('-c', ON_HOST, hosts[number].name, first, *arguments,
                      environment={'ROS_AUTOMATIC_DISCOVERY_RANGE': discovery_range})
 
     return start_on_host
@@ -154,3 +167,17 @@ def test_with_localhost_nothing_leaves_the_host(hosts, on_host, show):
             ('LOCALHOST', before, between), ('SUBNET', between, hosts[0].sent())):
         show(f'{discovery_range}: {last[0] - first[0]} packets, {last[1] - first[1]} bytes')
     assert between == before
+
+
+def test_a_page_over_a_slow_link_is_not_late(hosts, on_host):
+    """A queue of the updates that a link of 160 kbit/s cannot carry would grow."""
+    for host in hosts:
+        host.run('tc', 'qdisc', 'add', 'dev', 'eth', 'root', 'tbf', 'rate', '160kbit',
+                 'burst', '4kb', 'latency', '5s')
+    on_host(0, 'LOCALHOST', *ARM, first='')
+    view = on_host(0, 'LOCALHOST', *tool('web_view', '--host', ADDRESSES[0]), first='')
+    viewer = on_host(1, 'LOCALHOST', '-c', VIEWER, ADDRESSES[0], str(view.port()), *sys.path)
+    assert viewer.exit_code() == 0
+    late = [*map(float, viewer.output.split())]
+    assert len(late) > 20
+    assert max(late[-20:]) < 2.0
