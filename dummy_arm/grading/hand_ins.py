@@ -31,9 +31,9 @@ _MAIN = """
 import sys
 from multiprocessing.connection import Connection
 connection = Connection(int(sys.argv[1]))
-sys.path[:] = connection.recv()
+sys.path[:], *arguments = connection.recv()
 from dummy_arm.grading.supervisor import supervise
-supervise(connection, *connection.recv())
+supervise(connection, *arguments)
 """
 
 
@@ -132,8 +132,8 @@ class _Run(subprocess.Popen[bytes]):
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=[theirs.fileno()],
                 start_new_session=True)
         with suppress(OSError):  # it has ended, which `grade` will tell
-            self.connection.send([*filter(None, sys.path)])
-            self.connection.send((file, seconds, directory, reservation[0]))
+            self.connection.send((
+                [*filter(None, sys.path)], file, seconds, directory, reservation[0]))
 
     def is_over(self) -> bool:
         """Return whether the process has ended, or takes too long."""

@@ -56,14 +56,3 @@ def test_a_frame_moves_on_a_circle(domain_id, rotation, roll, expected):
         assert abs(np.dot([turn.x, turn.y, turn.z, turn.w], expected(angles[-1] / 2))
                    ) == pytest.approx(1.0)
     np.testing.assert_allclose(np.diff(np.unwrap(angles)), 0.1, atol=1e-9)
-
-
-def test_bad_values_are_refused_while_it_runs(domain_id):
-    """After a refusal, the parameters keep their values."""
-    with command_node(DynamicTfPublisher, domain_id) as (node, _):
-        for name, value in ('rotation', 'euler angles'), ('pitch', 'up'), ('roll', float('inf')):
-            result = node.set_parameters_atomically([Parameter(name, value=value)])
-            assert not result.successful
-            assert result.reason.startswith(f'{name} must be ')
-            assert node.get_parameter(name).value == ('identity' if name == 'rotation' else 0.0)
-        assert node.set_parameters_atomically([Parameter('rotation', value='euler')]).successful

@@ -1,12 +1,13 @@
 """check_arm gives each of the hand-ins its grade, whatever the others and the machine do."""
 
-import ctypes
 from itertools import chain, zip_longest
 
 from hand_ins import CHAOS, differences, MISTAKES, MODEL_ANSWER
-from processes import own_pids, TIMEOUT, tool
+from processes import own_pids, tool
 import psutil
 import pytest
+
+from dummy_arm.grading import processes
 
 #: How long check_arm may take (s).
 LONGEST = 1500.0
@@ -17,29 +18,17 @@ end = time.monotonic() + {LONGEST}
 while time.monotonic() < end:
     pass
 """
-PR_SET_CHILD_SUBREAPER = 36
 
 
 @pytest.fixture
 def orphans():
     """Adopt the processes whose parents have ended; return them. After the test, kill them."""
     own = psutil.Process()
-    before = own.children()
-    libc = ctypes.CDLL(None)
-    assert libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) == 0
-
-    def left():
-        return [each for each in own.children()
-                if each not in before and each.pid not in own_pids]
-
-    try:
-        yield left
-        while found := left():
-            for each in found:
-                each.kill()
-            psutil.wait_procs(found, TIMEOUT)
-    finally:
-        libc.prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+    before = {child.pid for child in own.children()}
+    processes.become_subreaper()
+    yield lambda: [each for each in own.children() if each.pid not in before | own_pids]
+    processes.end_descendants(before | own_pids)
+    processes.become_subreaper(False)
 
 
 def test_hand_ins_on_a_busy_machine(start, tmp_path, orphans):

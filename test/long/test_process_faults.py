@@ -4,12 +4,9 @@ Faults around the programs: killed and stopped processes, full disks, Ctrl-C at 
 These tests take 1.5 min. Those of disks need root.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 import json
 import os
-from pathlib import Path
 import random
 import re
 import signal
@@ -112,9 +109,10 @@ def test_rounds_of_stops_and_kills(start, show):
 # Disks
 
 
-@contextmanager
-def mounted(directory: Path, *options: str) -> Iterator[Path]:
-    """Mount an empty file system of 64 KiB in memory on a new directory."""
+@pytest.fixture
+def disk(tmp_path):
+    """An empty file system of 64 KiB in memory, mounted on a directory."""
+    directory = tmp_path / 'disk'
     directory.mkdir()
     done = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=64k', 'tmpfs', str(directory)],
                           capture_output=True, text=True, check=False)
@@ -124,13 +122,6 @@ def mounted(directory: Path, *options: str) -> Iterator[Path]:
         yield directory
     finally:
         subprocess.run(['umount', '--lazy', str(directory)], check=True)
-
-
-@pytest.fixture
-def disk(tmp_path):
-    """A small file system."""
-    with mounted(tmp_path / 'disk') as directory:
-        yield directory
 
 
 def fill(directory):

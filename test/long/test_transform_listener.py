@@ -1,13 +1,11 @@
-"""The ends of a listener, fifty times each, and with delays; a publisher that is killed."""
+"""The ends of a listener, fifty times each, and with delays."""
 
 from concurrent.futures import ThreadPoolExecutor
 
 from endings import check_end, end_in_every_order, without_library_lines
 from environment import ROOT
-from processes import ARM, Process, reserved_domain, TIMEOUT
+from processes import Process, reserved_domain
 import pytest
-from rclpy.duration import Duration
-from rclpy.time import Time
 
 
 @pytest.mark.parametrize('where', ['main', 'executor', 'thread'])
@@ -43,14 +41,3 @@ def test_ends_with_delays(longest, ends, seeds):
     with ThreadPoolExecutor(len(seeds)) as pool:
         [*pool.map(run, seeds)]
     assert results == [(0, False, '')] * len(seeds)
-
-
-def test_a_publisher_that_was_killed_comes_back(listening, start, kill):
-    """Transforms of its successor are received like those of the first publisher."""
-    last = Time()
-    for _ in range(5):
-        arm = start(*ARM)
-        listening.lookup_transform('base_link', 'end_effector', last, Duration(seconds=TIMEOUT))
-        kill(arm)
-        latest = listening.get_latest_common_time('base_link', 'end_effector')
-        last = latest + Duration(nanoseconds=1)

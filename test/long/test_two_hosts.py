@@ -7,7 +7,6 @@ minutes.
 """
 
 from functools import partial
-from itertools import count
 import os
 import re
 import shutil
@@ -48,7 +47,6 @@ while time.monotonic() < end:
 """
 #: The errors for which the tests are skipped.
 NOT_PERMITTED = re.compile('not permitted|denied|not supported|Unknown device type', re.I)
-_numbers = count()
 
 
 def ip(*arguments):
@@ -59,10 +57,9 @@ def ip(*arguments):
 class Host:
     """A network namespace with an interface `eth`."""
 
-    def __init__(self, number, names):
+    def __init__(self, number):
         """Create it without the interface."""
-        self.number, self.name = number, f'attack-{os.getpid()}-{next(_numbers)}'
-        names.append(self.name)
+        self.number, self.name = number, f'attack-{os.getpid()}-{number}'
         ip('netns', 'add', self.name)
 
     def ip(self, *arguments):
@@ -91,10 +88,9 @@ def hosts():
     """Two hosts and the link between them."""
     if shutil.which('ip') is None:
         pytest.skip('there is no ip: apt install iproute2')
-    names: list[str] = []
     try:
         try:
-            first, second = Host(0, names), Host(1, names)
+            first, second = Host(0), Host(1)
             ip('link', 'add', 'name', 'eth', 'netns', first.name, 'type', 'veth',
                'peer', 'name', 'eth', 'netns', second.name)
             first.connect()
@@ -107,8 +103,9 @@ def hosts():
         assert 'default' not in first.ip('route') + second.ip('route')
         yield first, second
     finally:
-        for name in names:
-            subprocess.run(['ip', 'netns', 'delete', name], check=False, capture_output=True)
+        for number in range(2):
+            subprocess.run(['ip', 'netns', 'delete', f'attack-{os.getpid()}-{number}'],
+                           check=False, capture_output=True)
 
 
 @pytest.fixture

@@ -31,12 +31,6 @@ def failures(report):
     return [line for line in report.lines if line.verdict == Verdict.NOT_OK]
 
 
-def first_failure(report):
-    """Return the first failure of an arm that does not pass."""
-    assert report.first_failure is not None
-    return report.first_failure
-
-
 def line_of(report, beginning):
     """Return the first line of a report whose requirement begins with a text."""
     return next(line for line in [*report.lines, *report.advice]
@@ -180,7 +174,7 @@ def test_two_copies_of_one_program():
 
     def cause(*senders):
         publishers = [ArmPublisher(gid, node, False, pid) for gid, node, pid in senders]
-        return first_failure(check(messages, publishers=publishers)).text
+        return failures(check(messages, publishers=publishers))[0].text
 
     assert cause(('two', '/dummy_arm', 1300), ('one', '/dummy_arm', 1234)) == (
         'Copies of one program send joint_1 at the same time: PID 1300 and PID 1234. An old '
@@ -228,7 +222,7 @@ def test_a_broadcaster_for_each_frame():
     advice = line_of(check(messages, publishers=publishers), 'each broadcaster')
     assert advice.verdict == Verdict.OK
     messages = [message for message in messages if message.publisher != 'joint_2']
-    assert first_failure(check(messages, publishers=publishers)).text == (
+    assert failures(check(messages, publishers=publishers))[0].text == (
         'No transform of joint_2 was received.')
 
 
