@@ -4,18 +4,14 @@ from math import cos, sin
 import os
 import shutil
 
-from environment import ROOT
 import numpy as np
+from pages import LAB
 import pytest
 
 from puretf import TFMessage
 
-LAB = ROOT / 'lab'
-ANSWERS = ('dynamic_tf_publisher', 'dynamic_tf_publisher_quaternion',
-           'dynamic_tf_publisher_euler', 'dummy_arm')
 
-
-@pytest.mark.parametrize('answer', ANSWERS)
+@pytest.mark.parametrize('answer', [path.stem for path in LAB.glob('*.py')])
 def test_a_model_answer_in_a_package(start, tmp_path, ros, answer):
     """In a package as `ros2 pkg create` writes it, the answer is built by colcon and runs."""
     if 'euler' in answer:
@@ -44,7 +40,7 @@ def test_a_model_answer_in_a_package(start, tmp_path, ros, answer):
     for message in messages * (name != 'dummy_arm'):
         transform = message.transforms[0].transform
         at, turn = transform.translation, transform.rotation
-        half = 0.0 if answer == ANSWERS[0] else np.arctan2(at.y, at.x) / 2
+        half = 0.0 if answer == name else np.arctan2(at.y, at.x) / 2
         assert (turn.x, turn.y) == (0.0, 0.0)
         assert abs(turn.z * sin(half) + turn.w * cos(half)) == pytest.approx(1.0)
     process.press_ctrl_c()
