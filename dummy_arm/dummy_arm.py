@@ -98,8 +98,9 @@ class DummyArm(Node):
         super().__init__('dummy_arm')
         self.add_on_set_parameters_callback(self._check)
         self._declare_parameters()
-        self._waves = [Wave(self._value(f'{joint.name}.speed'), self._value(f'{joint.name}.limit'))
-                       for joint in JOINTS]
+        self._waves = {joint.name: Wave(
+            self._value(f'{joint.name}.speed'), self._value(f'{joint.name}.limit'))
+            for joint in JOINTS}
         self._start_ns: Optional[int] = None
         self._t = 0.0
 
@@ -116,7 +117,7 @@ class DummyArm(Node):
             self._published.append(
                 f'{" -> ".join(map(shortened, frames))} on {broadcaster.pub_tf.topic_name}')
         self._angles: Optional[Publisher] = None
-        self._state = JointState(name=[joint.name for joint in JOINTS])
+        self._state = JointState(name=[*self._waves])
         if self._value('publish_joint_states'):
             self._angles = self.create_publisher(JointState, 'joint_states', 10)
             self._published.append(f'joint angles on {self._angles.topic_name}')
@@ -164,22 +165,22 @@ class DummyArm(Node):
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
-        changed = {parameter.name: parameter.value for parameter in parameters}
-        if 'rate' in changed:
-            self._timer.timer_period_ns = round(1e9 / changed['rate'])
-            self._timer.reset()
         t = self._seconds(self.get_clock().now().nanoseconds)
-        for i, joint in enumerate(JOINTS):
-            if (speed := changed.get(f'{joint.name}.speed')) is not None:
-                self._waves[i] = self._waves[i].with_speed(speed, t)
-            if (limit := changed.get(f'{joint.name}.limit')) is not None:
-                self._waves[i] = self._waves[i].with_limit(limit, t)
+        for parameter in parameters:
+            name, _, quantity = parameter.name.partition('.')
+            if name == 'rate':
+                self._timer.timer_period_ns = round(1e9 / parameter.value)
+                self._timer.reset()
+            elif quantity == 'speed':
+                self._waves[name] = self._waves[name].with_speed(parameter.value, t)
+            elif quantity == 'limit':
+                self._waves[name] = self._waves[name].with_limit(parameter.value, t)
 
     def _obey(self, data: Any) -> None:
         if (command := self._reader.read(data)) is None:
             return
         problem = command_problem(
-            command, dict(zip(self._state.name, (wave.limit for wave in self._waves))))
+            command, {name: wave.limit for name, wave in self._waves.items()})
         cause, _, _ = (problem or '').partition(', got')
         if problem and cause != self._refused:
             self.get_logger().warning(
@@ -188,12 +189,10 @@ class DummyArm(Node):
         if problem:
             return
         t = self._seconds(self.get_clock().now().nanoseconds)
-        positions = dict(zip(command.name, command.position))
-        for i, joint in enumerate(JOINTS):
-            if joint.name in positions:
-                self._waves[i] = self._waves[i].with_hold(positions[joint.name])
-            elif not positions:
-                self._waves[i] = self._waves[i].with_release(t)
+        for name, position in zip(command.name, command.position):
+            self._waves[name] = self._waves[name].with_hold(position)
+        if not command.name:
+            self._waves = {name: wave.with_release(t) for name, wave in self._waves.items()}
 
     def _seconds(self, time_ns: int) -> float:
         """Return the time from the first tick to `time_ns` (s); 0 before the first tick."""
@@ -218,9 +217,9 @@ class DummyArm(Node):
         # `angle(t)` uses the limit that the wave had at the time t. If the clock was set back,
         # only the present limit counts.
         if t < self._t:
-            self._waves = [wave.settled() for wave in self._waves]
+            self._waves = {name: wave.settled() for name, wave in self._waves.items()}
         self._t = t
-        angles = [wave.angle(t) for wave in self._waves]
+        angles = [wave.angle(t) for wave in self._waves.values()]
         if self._transforms:
             offsets = [self._value(f'{joint.name}.offset') for joint in JOINTS]
             self._transforms.send(now_ns, poses(angles, offsets))

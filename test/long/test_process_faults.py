@@ -182,18 +182,6 @@ def test_a_file_that_cannot_be_written(disk, arm_bag, domain_id, name, why):
     assert (disk / name).read_text() == 'old'
 
 
-def test_a_temporary_directory_that_is_too_small(disk, tmp_path):
-    """The copy of a compressed bag does not fit: the error names the directory and the remedy."""
-    path = bags.make(tmp_path, 'db3 file', bags.walk(60))
-    done = subprocess.run(
-        [sys.executable, *tool('tf_doctor', '--bag', str(path))],
-        env={**os.environ, 'TMPDIR': str(disk)}, text=True, capture_output=True, check=False)
-    assert done.returncode == 1
-    assert re.fullmatch(f'tf_doctor: .* half of the free space in {disk}: set TMPDIR to a '
-                        'directory with more space.*\n', done.stderr), done.stderr
-    assert not os.listdir(disk)
-
-
 def test_a_log_directory_that_cannot_be_written(disk, start):
     """The arm ends with one line that names the directory."""
     make_read_only(disk)

@@ -122,20 +122,13 @@ def on_host(hosts, start):
     return start_on_host
 
 
-def test_a_late_joiner_gets_the_arm(on_host, show):
-    """A listener that starts on the other host later gets /tf_static, and fresh /tf."""
+def test_an_outage_of_the_link(hosts, on_host, show):
+    """A late listener gets the arm, and again after ten seconds without the link."""
     begin = begin_of(on_host(0, 'SUBNET', *ARM))
     time.sleep(LATER)
     began = time.time_ns()
-    late = Watch(partial(on_host, 1, 'SUBNET'), [begin])
-    show(f'first pose: {late.fresh(began):.2f} s after the start of the listener')
-
-
-def test_an_outage_of_the_link(hosts, on_host, show):
-    """After ten seconds without the link, fresh transforms come again."""
-    begin = begin_of(on_host(0, 'SUBNET', *ARM))
     watch = Watch(partial(on_host, 1, 'SUBNET'), [begin])
-    watch.fresh(time.time_ns())
+    show(f'first pose: {watch.fresh(began):.2f} s after the start of the listener')
     hosts[0].ip('link', 'set', 'eth', 'down')
     time.sleep(LATER)
     before = watch.process.output

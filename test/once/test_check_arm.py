@@ -25,11 +25,8 @@ def test_programs(start, tmp_path):
     assert not process.has_left_processes()
     rows = {row['file']: row for row in read_table(table)}
     assert [*rows['model.py'].values()] == ['model.py', 'ok', '', *['ok'] * 32]
-    full_angle = rows['full_angle.py']
-    assert full_angle['at least 10 messages per second'] == 'ok'
-    assert full_angle['joint_1 stays within ±45°'] == 'not ok'
-    assert full_angle['joint_1 moves as a sine'] == 'ok'
-    assert f"full_angle.py: not ok: {full_angle['reason']}" in process.output.splitlines()
+    assert rows['full_angle.py']['joint_1 stays within ±45°'] == 'not ok'
+    assert f'full_angle.py: not ok: {rows["full_angle.py"]["reason"]}\n' in process.output
     assert {path.name for path in tmp_path.iterdir()} == {
         'grades.csv', *programs.keys() - {'missing.py'}}
 
