@@ -8,7 +8,7 @@ the CI runs other tests, too.
 
 from endings import without_library_lines
 from environment import DESKTOP
-from processes import ARM, TIMEOUT, tool
+from processes import TIMEOUT
 import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -136,15 +136,3 @@ response = future.result()
 text = getattr(response, 'frame_yaml', '') or response.message
 assert text.startswith("tool: \\n  parent: 'map'\\n  broadcaster: 'test'\\n"), text
 """)
-
-
-def test_commands(start):
-    """One publishes and one listens; neither prints an error."""
-    arm = start(*ARM, environment=DESKTOP)
-    echo = start(*tool('tf2_echo', 'map', 'end_effector', '--once'), environment=DESKTOP)
-    assert echo.exit_code() == 0
-    assert '- Translation: [' in echo.output
-    arm.press_ctrl_c()
-    assert arm.exit_code() == 0
-    for process in arm, echo:
-        assert 'Error' not in process.output
