@@ -179,6 +179,8 @@ WRONG = {
         'is a star': changed(parent=lambda self, edge: self.names[min(edge, 1)]),
         'The parent of joint_3 must be joint_2, not joint_1': changed(
             parent=lambda self, edge: self.names[2 if edge == 3 else edge]),
+        'joint_3 has several parents; only joint_2 is right': changed(
+            parent=lambda self, edge: self.names[1 if edge == 3 and self.tick % 2 else edge]),
         'end_effector is in one message more than once': each(
             lambda topic, time, rows: [(topic, time, [rows[-1]] * len(rows))]),
         'exchanged': changed(row=lambda self, edge, now: Row(
