@@ -212,7 +212,6 @@ class DummyArm(Node):
             self.get_logger().info(
                 f'publishing {", ".join(self._published)} at {self._value("rate"):g} Hz; '
                 f't = 0 at {now_ns} ns')
-            self._t = math.inf  # changes before the first message need no transition
         t = self._seconds(now_ns)
         # `angle(t)` uses the limit that the wave had at the time t. If the clock was set back,
         # only the present limit counts.
