@@ -223,6 +223,7 @@ def test_nothing_on_tf_but_static_joints():
     """The static joints are the cause, also if the tree is not complete."""
     report = check(received(changed(topics=(*('/tf_static',) * 4, ''))))
     assert report.reason.startswith('the tree (no end_effector). joint_1, joint_2, joint_3 are se')
+    assert report.reason.endswith(' in a timer. (3 more)')
 
 
 @pytest.mark.parametrize(('arm', 'practice', 'text'), [
