@@ -33,26 +33,27 @@ def test_it_says_what_it_publishes_until_a_signal(domain_id):
     assert (code, output, error.splitlines()[1:]) == (0, '', [])
 
 
-@pytest.mark.parametrize(('rotation', 'roll', 'expected'), [
-    ('identity', 0.0, lambda half: [0.0, 0.0, 0.0, 1.0]),
-    ('quaternion', 0.0, lambda half: [0.0, 0.0, sin(half), cos(half)]),
-    ('euler', 0.0, lambda half: [0.0, 0.0, sin(half), cos(half)]),
-    ('euler', pi / 2, lambda half: np.sqrt(0.5) * np.array(
+@pytest.mark.parametrize(('rotation', 'angles', 'expected'), [
+    ('identity', {}, lambda half: [0.0, 0.0, 0.0, 1.0]),
+    ('quaternion', {}, lambda half: [0.0, 0.0, sin(half), cos(half)]),
+    ('euler', {'yaw': 0.5}, lambda half: [0.0, 0.0, sin(half + 0.25), cos(half + 0.25)]),
+    ('euler', {'roll': pi / 2}, lambda half: np.sqrt(0.5) * np.array(
         [cos(half), sin(half), sin(half), cos(half)]))])
-def test_a_frame_moves_on_a_circle(domain_id, rotation, roll, expected):
+def test_a_frame_moves_on_a_circle(domain_id, rotation, angles, expected):
     """It is 0.1 rad further in each message; its rotation can be set while the node runs."""
     with command_node(DynamicTfPublisher, domain_id) as (node, ros):
-        node.set_parameters([Parameter('rotation', value=rotation), Parameter('roll', value=roll)])
+        node.set_parameters([Parameter(name, value=value) for name, value in {
+            'rotation': rotation, **angles}.items()])
         messages: list[TFMessage] = []
         ros.node.create_subscription(TFMessage, '/tf', messages.append, 100)
         ros.until(lambda: len(messages) > 4)
-    angles = []
+    places = []
     for message in messages:
         (moved,) = message.transforms
         assert (moved.header.frame_id, moved.child_frame_id) == ('map', 'moving_frame')
         at, turn = moved.transform.translation, moved.transform.rotation
-        angles.append(np.arctan2(at.y, at.x))
+        places.append(np.arctan2(at.y, at.x))
         assert (np.hypot(at.x, at.y), at.z) == (pytest.approx(1.0), 0.0)
-        assert abs(np.dot([turn.x, turn.y, turn.z, turn.w], expected(angles[-1] / 2))
+        assert abs(np.dot([turn.x, turn.y, turn.z, turn.w], expected(places[-1] / 2))
                    ) == pytest.approx(1.0)
-    np.testing.assert_allclose(np.diff(np.unwrap(angles)), 0.1, atol=1e-9)
+    np.testing.assert_allclose(np.diff(np.unwrap(places)), 0.1, atol=1e-9)
