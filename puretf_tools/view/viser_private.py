@@ -13,12 +13,16 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
   poses by `numpy.allclose`, which takes most of the time, and ignores small moves far away.
 - `get_message_buffer().max_window_size` of `_websock_connection` limits the number of messages
   that a client receives at once.
+- `push` of a message buffer sets its `message_event` outside of the event loop, too: if the loop
+  just begins to wait for it, nothing wakes it later. `push` and `atomic_end` let the loop set it,
+  too.
 - additions.html names controls by their classes, finds the panels by attributes `data-dock-…`,
   and stores what it measures under keys that begin with `viser-user:`.
 """
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
 import logging
@@ -134,6 +138,7 @@ class Server(viser.ViserServer):
                 self.end_session(client_id, error)
 
         receiver._handle_incoming_message = handle_or_end
+        receiver.get_message_buffer().message_event = _LoopEvent()
 
     def _control(self, client_id: int, message: Any) -> Any:
         """Return the control that a message changes; None: it has been removed."""
@@ -155,6 +160,15 @@ class Server(viser.ViserServer):
             logger.warning('a viewer is disconnected: %s', visible(abbreviated(
                 f'{type(error).__name__}: {error}', _LONGEST_REASON)))
         logger.debug('a viewer is disconnected', exc_info=error)
+
+
+class _LoopEvent(asyncio.Event):
+    """An event that is set by the thread of an event loop only: elsewhere, `set` has no effect."""
+
+    def set(self) -> None:
+        with suppress(RuntimeError):
+            asyncio.get_running_loop()
+            super().set()
 
 
 def receive_at_once(client: viser.ClientHandle) -> None:

@@ -1,10 +1,11 @@
 """The internals of viser 1.1.1 and websockets on which view/viser_private.py relies."""
 
 import asyncio
+from contextlib import closing
 import inspect
 
 import pytest
-from viewer import recorded
+from viewer import recorded, Viewer
 
 viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 websockets, websockets_server = map(
@@ -65,6 +66,23 @@ def test_the_size_of_a_window():
     assert 'len(window) < self.max_window_size' in source
     assert 'self._websock_connection = ' in inspect.getsource(viser.ClientHandle.__init__)
     assert hasattr(infra.WebsockClientConnection, 'get_message_buffer')
+
+
+def test_only_the_event_loop_sets_the_event_for_which_it_waits():
+    """A message that is pushed meanwhile by another thread does not stop the page for ever."""
+    from puretf_tools.view.server import serve
+    with serve('127.0.0.1') as server, closing(Viewer(server.get_port())) as viewer:
+        viewer.until(server.get_clients)
+        client, = server.get_clients().values()
+        for receiver in server._websock_server, client._websock_connection:
+            event = type(receiver.get_message_buffer().message_event)()
+            event.set()
+            assert not event.is_set()
+            server.get_event_loop().call_soon_threadsafe(event.set)
+            viewer.until(event.is_set)
+    for function in infra.AsyncMessageBuffer.push, infra.AsyncMessageBuffer.atomic_end:
+        assert 'event_loop.call_soon_threadsafe(self.message_event.set)' in inspect.getsource(
+            function)
 
 
 def test_serve_takes_what_guards_it():
