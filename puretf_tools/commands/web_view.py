@@ -3,28 +3,24 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from math import ceil
+from math import inf
 from pathlib import Path
 import sys
 from threading import Thread
-from time import monotonic
-from typing import Optional, TYPE_CHECKING
+from typing import Optional
 
-from puretf import SECOND, TransformBuffer
+from puretf import TransformBuffer
 from puretf._text.names import namespace_path, visible
 from puretf.bag import Bag
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.page_options import add_page_options, HOST
 from puretf_tools.cli.parser import CommandError, Parser, run, UsageError
-from puretf_tools.cli.progress import BAR, listen, listening_time, progress
-from puretf_tools.cli.signals import check_signals, forget_signals
+from puretf_tools.cli.progress import BAR, listening_time, progress
+from puretf_tools.cli.signals import check_signals
 from puretf_tools.doctor.observation import BagObserver
 from puretf_tools.doctor.report import examine
 from puretf_tools.view.feed import BagFeed, Feed, LiveFeed
-
-if TYPE_CHECKING:
-    from puretf_tools.view.export import Animation
 
 _EXPORTED_TIME = 10.0
 #: How many meshes that are not drawn in an export are named.
@@ -42,7 +38,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         raise UsageError('--time needs --export')
     show = partial(_show, host, port, meshes, view)
     path = None if export is None else path_to_write(export, ['.html'])
-    seconds = duration or _EXPORTED_TIME
     if bag:
         feed = BagFeed(TransformBuffer(2**63 - 1, max_samples=None), Path(bag.paths[0]).name)
         feed.follow = follow
@@ -50,7 +45,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             with bag.opened() as opened:
                 read_into(feed, opened)
             feed.update()
-            _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
+            _export(feed, duration or inf, meshes, path)
         else:
             _show_bag(bag, feed, show)
     else:
@@ -59,13 +54,13 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
             live = LiveFeed(node)
             live.follow = follow
             if path:
-                _export(recorded_live(live, seconds, meshes), live, path)
+                _export(live, duration or _EXPORTED_TIME, meshes, path)
             else:
                 show(live)
     return 0
 
 
-def _show_bag(bag: BagOption, feed: BagFeed, show: Callable[..., None]) -> None:
+def _show_bag(bag: BagOption, feed: BagFeed, show: Callable[[Feed], None]) -> None:
     """Serve the page of a bag, which a thread reads meanwhile."""
     def on_progress(done: float) -> None:
         check_signals()
@@ -79,11 +74,11 @@ def _show_bag(bag: BagOption, feed: BagFeed, show: Callable[..., None]) -> None:
 
     with bag.opened(on_progress) as opened:
         reading = Thread(target=read, daemon=True)
+        reading.start()
         try:
-            show(feed, reading.start)
+            show(feed)
         finally:
-            if reading.ident:
-                reading.join(_LONGEST_END)
+            reading.join(_LONGEST_END)
 
 
 def read_into(feed: BagFeed, bag: Bag) -> None:
@@ -102,29 +97,10 @@ def read_into(feed: BagFeed, bag: Bag) -> None:
         feed.verdict = f'tf_doctor cannot examine the bag: {error or type(error).__name__}'
 
 
-def _recorded_bag(feed: BagFeed, seconds: Optional[float], meshes: Sequence[str]
-                  ) -> 'Animation':
-    from puretf_tools.view.export import Animation, PERIOD
-    player, animation = feed.player, Animation(feed, meshes)
-    length = player.length if seconds is None else min(seconds, player.length)
-    with progress(length, desc='recording', bar_format=BAR) as show_progress:
-        for i in range(ceil(length / PERIOD) + 1):
-            player.seek(player.begin + round(min(length, i * PERIOD) * SECOND))
-            animation.add(player.position, player.time)
-            show_progress(player.position)
-    return animation
-
-
-def recorded_live(feed: Feed, seconds: float, meshes: Sequence[str] = ()) -> 'Animation':
-    """Record for some time from the first transform on, or until Ctrl-C."""
+def _export(feed: Feed, seconds: float, meshes: Sequence[str], path: Path) -> None:
     from puretf_tools.view.export import Animation
     animation = Animation(feed, meshes)
-    listen(seconds, feed.buffer.frames, lambda: animation.add(monotonic()))
-    forget_signals()
-    return animation
-
-
-def _export(animation: 'Animation', feed: Feed, path: Path) -> None:
+    animation.record(seconds)
     if not animation.moments:
         raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
     duration = animation.duration
@@ -139,8 +115,8 @@ def _export(animation: 'Animation', feed: Feed, path: Path) -> None:
     print(f'wrote {visible(str(path))}: {duration:.1f} s')
 
 
-def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[str], feed: Feed,
-          on_served: Callable[[], object] = lambda: None) -> None:
+def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[str], feed: Feed
+          ) -> None:
     from puretf_tools.view.server import serve  # first, since it says if viser is missing
     from puretf_tools.view.settings import Settings  # isort: skip
     from puretf_tools.view.view import show
@@ -153,7 +129,7 @@ def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[
         if why := Settings().restore(first):
             raise CommandError(f'{view}: {why}')
     with suppress(KeyboardInterrupt), serve(host, port) as server:  # Ctrl-C is its normal end
-        show(feed, server, meshes, first, on_served)
+        show(feed, server, meshes, first)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -7,31 +7,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf import SECOND
-from puretf_tools.view.feed import AnyBuffer, LENGTH
-from puretf_tools.view.placement import Placement, REACH
+from puretf_tools.inspection.gaps import AnyBuffer
+from puretf_tools.view.feed import LENGTH
+from puretf_tools.view.placement import Floats, Placement, REACH
 
 #: The colours of a line at the frame and at its parent, and of an old one.
 _LINE, _AT_PARENT, _GREY = (225, 160, 20), (120, 50, 0), (178, 178, 178)
 #: The axes of the selected frame are this many times as large as those of others.
 _SELECTED = 1.5
 #: Numbers are rounded to multiples of this.
-_STEP = 2.0**-13
-#: The time between two points of a trail; a longer gap is filled with points from the buffer; and
-#: the duration of a piece (ns).
-_TRAIL_STEP, _GAP, _PIECE = SECOND // 20, SECOND // 5, SECOND
+_FINEST = 2.0**-13
+#: The time between two points of a trail, and the duration of a piece of it (ns).
+STEP, _PIECE = SECOND // 20, SECOND
 #: By the number of a piece: its lines (m, 2, 3), start and end of each, x, y, z (m).
-Pieces = Mapping[int, NDArray[np.float64]]
+Pieces = Mapping[int, Floats]
 
 
 class Display(NamedTuple):
     """What is drawn."""
 
+    hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
     size: float = 0.16  #: the length of an axis (m)
     with_axes: bool = True
     with_lines: bool = True  #: from each frame to its parent
     with_names: bool = True
     with_grid: bool = True
-    hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
     is_dark: bool = False  #: whether the page is dark
 
     def shown(self, placement: Placement) -> set[str]:
@@ -39,24 +39,20 @@ class Display(NamedTuple):
         return {*placement.names}.difference(self.hidden, placement.far)
 
 
-class Axes(NamedTuple):
-    """The axes of n frames."""
+def axes(placement: Placement, display: Display, selected: Collection[str] = ()
+         ) -> tuple[Floats, Floats, Floats]:
+    """
+    Return the axes of all n frames; those of selected ones are larger.
 
-    positions: NDArray[np.float64]  #: (n, 3): x, y, z (m)
-    wxyzs: NDArray[np.float64]  #: (n, 4): quaternions w, x, y, z
-    scales: NDArray[np.float64]  #: (n,): 0.0: not drawn
-
-
-def axes(placement: Placement, display: Display, selected: Collection[str] = ()) -> Axes:
-    """Return the axes of all frames; those of selected ones are larger."""
+    :returns: (n, 3): x, y, z (m); (n, 4): quaternions w, x, y, z; (n,): scales; 0.0: not drawn.
+    """
     shown = display.shown(placement)
     scales = fading(placement)[1] * [
         (_SELECTED if name in selected else 1.0) * (name in shown) for name in placement.names]
-    return Axes(rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales)
+    return rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales
 
 
-def lines(placement: Placement, display: Display
-          ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def lines(placement: Placement, display: Display) -> tuple[Floats, NDArray[np.uint8]]:
     """
     Return the lines of those m frames that are drawn, to their parents.
 
@@ -72,13 +68,13 @@ def lines(placement: Placement, display: Display
     return rounded(points), np.round(colours).astype(np.uint8)
 
 
-def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def rounded(values: Floats) -> Floats:
     """Round positions (m) and quaternions to what can be seen: they need half the bytes."""
-    result: NDArray[np.float64] = np.round(values / _STEP) * _STEP
+    result: Floats = np.round(values / _FINEST) * _FINEST
     return result
 
 
-def fading(placement: Placement) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fading(placement: Placement) -> tuple[Floats, Floats]:
     """
     Return the colourfulness of lines, from 1 to 0 (grey), and the scale of axes, from 1 to 0.
 
@@ -86,6 +82,31 @@ def fading(placement: Placement) -> tuple[NDArray[np.float64], NDArray[np.float6
     """
     thirds = placement.ages / (placement.timeout / 3)
     return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)
+
+
+class Track:
+    """Poses of a frame in another one over time; each call adds those that are new."""
+
+    def __init__(self, buffer: AnyBuffer) -> None:
+        self._buffer = buffer
+        self._key: object = ()
+        self.times, self.poses = np.empty(0, np.int64), np.empty((0, 7))
+
+    def extend(self, target: str, frame: str, begin: int, end: int, step: int = STEP) -> None:
+        """
+        Let `times` (ns) go from `begin` to `end`; (n, 7) `poses`: x, y, z (m), quaternion.
+
+        Poses that the buffer has dropped since the last call stay. Unknown ones are NaN.
+        """
+        key, times = (target, frame, step), self.times
+        if key != self._key or (len(times) and not (
+                begin <= times[-1] <= end and times[0] <= begin + step)):
+            self._key, times, self.poses = key, times[:0], self.poses[:0]
+        new = np.arange(times[-1] + step if len(times) else begin, end + 1, step, dtype=np.int64)
+        translations, rotations, _ = self._buffer.lookup_transforms(target, frame, new)
+        times = np.append(times, new)
+        poses = np.concatenate([self.poses, np.column_stack([translations, rotations])])
+        self.times, self.poses = times[times >= begin], poses[times >= begin]
 
 
 class Trail:
@@ -96,16 +117,10 @@ class Trail:
     """
 
     def __init__(self, buffer: AnyBuffer) -> None:
-        self._buffer = buffer
-        self._restart('', '')
+        self._track = Track(buffer)
 
-    def _restart(self, target: str, frame: str) -> None:
-        self._frames = target, frame
-        self._times = np.empty(0, np.int64)
-        self._points = np.empty((0, 3))
-
-    def draw(self, target: str, frame: str, end: int, point: NDArray[np.float64],
-             shift: Union[tuple[float, ...], NDArray[np.float64]] = (0.0, 0.0, 0.0)) -> Pieces:
+    def draw(self, target: str, frame: str, end: int, point: Floats,
+             shift: Union[Floats, float] = 0.0) -> Pieces:
         """
         Return the pieces of the path, the oldest first; each call can add points to it.
 
@@ -113,26 +128,12 @@ class Trail:
         :param shift: the position of the target in the scene (m).
         :returns: lines in the scene, none at unknown times.
         """
-        first = max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE)
-        last = max(self._times[-1:].tolist(), default=first)
-        # If the last point is later than `end`, time was set back.
-        if self._frames != (target, frame) or last > max(end, first):
-            self._restart(target, frame)
-            last = first
-        if end - last > _GAP:
-            times = np.arange(max(first, last + 1), end, _TRAIL_STEP, dtype=np.int64)
-            points, _, _ = self._buffer.lookup_transforms(target, frame, times)
-            self._times = np.append(self._times, times)
-            self._points = np.concatenate([self._points, points])
-        elif end - last >= _TRAIL_STEP:
-            self._times = np.append(self._times, end)
-            self._points = np.concatenate([self._points, [point]])
-        kept = self._times >= first
-        self._times, self._points = self._times[kept], self._points[kept]
-        points = np.concatenate([self._points, [point]]) + shift
+        begin = max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE)
+        self._track.extend(target, frame, begin, end - 1)
+        points = np.concatenate([self._track.poses[:, :3], [point]]) + shift
         lines = np.stack([points[:-1], points[1:]], axis=1)
         known = (np.abs(lines) <= REACH).all(axis=(1, 2))
-        numbers, begins = np.unique(self._times[known] // _PIECE, return_index=True)
+        numbers, begins = np.unique(self._track.times[known] // _PIECE, return_index=True)
         return dict(zip(numbers.tolist(), np.split(lines[known], begins[1:])))
 
     def pieces(self, placement: Placement, name: str, display: Display) -> Pieces:
@@ -142,4 +143,4 @@ class Trail:
         i = placement.names.index(name)
         anchor = placement.anchors[i]
         return self.draw(anchor, name, placement.stamps[i], placement.poses[i, :3],
-                         (0.0, placement.trees[anchor], 0.0) - placement.origin)
+                         np.array([0.0, placement.trees[anchor], 0.0]) - placement.origin)

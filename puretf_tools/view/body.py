@@ -1,9 +1,10 @@
 """The bodies of robots: the shapes of their descriptions, drawn at the frames of their links."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count
 from typing import Any, NamedTuple, Optional
 
 import numpy as np
@@ -15,8 +16,8 @@ from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.shapes import Rgba, Shape
 from puretf_tools.view.axes_and_trail import rounded
-from puretf_tools.view.mesh_loader import Mesh, MeshError
-from puretf_tools.view.meshes import Meshes, MissingMesh, REMEDY
+from puretf_tools.view.feed import Descriptions
+from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import WORLD
 
@@ -42,7 +43,7 @@ class _Part:
     link: str
     is_collision: bool
     shapes: list[Shape]  #: those that are not drawn yet
-    node: Optional[viser.FrameHandle] = None  #: moves with the link; None: it was never visible
+    node: Any = None  #: moves with the link; None: it was never visible
     pose: Optional[list[float]] = None  #: of the node: x, y, z (m), quaternion x, y, z, w
     drawn: list[tuple[Any, float]] = field(default_factory=list)  #: handles, and their opacity
 
@@ -63,7 +64,7 @@ class _Robot:
         #: missing, else None.
         self.problems: dict[str, Optional[str]] = {}
         self.not_drawn: dict[str, None] = {}  # the names of the files of these meshes
-        self.sign: Optional[viser.LabelHandle] = None  # at the first body that is missing
+        self.sign: Any = None  # at the first body that is missing
         self.triangles = 0  # of the meshes that are drawn
         self.parts = [*_parts(description.visuals, False), *_parts(description.collisions, True)]
 
@@ -98,14 +99,14 @@ class Body:
         :param put: called with a node and its pose, to show it there.
         """
         self._scene, self._meshes, self._on_click, self._put = scene, meshes, on_click, put
-        self._descriptions: Mapping[str, DescriptionOrWhy] = {}
+        self._descriptions: Descriptions = {}
         self._robots: dict[str, _Robot] = {}  # by topic
         # The name of a node must not depend on that of its link, which can have slashes.
-        self._next_node = self._left = 0  # how many shapes this update may still add
+        self._node_numbers = count()
+        self._left = 0  # how many shapes this update may still add
         self._opacity = 1.0
 
-    def show(self, descriptions: Mapping[str, DescriptionOrWhy], placement: Placement,
-             body: BodyDisplay) -> None:
+    def show(self, descriptions: Descriptions, placement: Placement, body: BodyDisplay) -> None:
         """Draw the bodies at the frames."""
         if descriptions is not self._descriptions:
             self._replace(descriptions)
@@ -127,7 +128,7 @@ class Body:
                 is_on = body.with_collisions if part.is_collision else body.with_visuals
                 if is_on and frame in poses:
                     self._draw(robot, part, poses[frame])
-                elif part.node is not None and part.node.visible:
+                elif part.node:
                     part.node.visible = False
 
     def lines(self) -> tuple[list[str], list[str]]:
@@ -136,11 +137,11 @@ class Body:
             [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
             line for robot in self._robots.values() for line in robot.problems]
 
-    def _replace(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+    def _replace(self, descriptions: Descriptions) -> None:
         for topic, robot in [*self._robots.items()]:
             if descriptions.get(topic) is not robot.description:
                 for part in robot.parts:
-                    if part.node is not None:
+                    if part.node:
                         part.node.remove()
                 del self._robots[topic]
         for topic, description in descriptions.items():
@@ -157,24 +158,21 @@ class Body:
                         handle.opacity = _opacity(own * opacity)
 
     def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> None:
-        if part.node is None:
+        if not part.node:
             part.node = self._scene.add_frame(
-                f'{WORLD}/robots/{self._next_node}', show_axes=False, visible=False)
-            self._next_node += 1
+                f'{WORLD}/robots/{next(self._node_numbers)}', show_axes=False, visible=False)
         if pose != part.pose or not part.node.visible:
             part.pose = pose
-            x, y, z, w = pose[3:]
-            self._put(part.node, (pose[0], pose[1], pose[2]), (w, x, y, z))
-        count = len(robot.problems)
+            *position, x, y, z, w = pose
+            self._put(part.node, position, (w, x, y, z))
         part.shapes = [shape for shape in part.shapes if not self._add(shape, robot, part)]
-        if (new := len(robot.problems)) > count:
-            if robot.sign is None:
-                robot.sign = self._scene.add_label(f'{part.node.name}/sign', '')
-            robot.sign.text = f'{_meshes(new)} not drawn: {comma_list([*robot.not_drawn])}'
+        if robot.problems:
+            robot.sign = robot.sign or self._scene.add_label(f'{part.node.name}/sign', '')
+            robot.sign.text = (f'{_meshes(len(robot.problems))} not drawn: '
+                               f'{comma_list([*robot.not_drawn])}')
 
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
         """Add a shape to the node of its part; return False if it must wait for another update."""
-        assert part.node is not None
         mesh = self._meshes.get(shape.file) if shape.kind == 'mesh' else None
         if not self._left or (mesh is None and shape.kind == 'mesh'):
             return False
@@ -199,13 +197,12 @@ class Body:
         common: dict[str, Any] = {
             'color': (red, green, blue), 'opacity': _opacity(alpha * self._opacity),
             'wxyz': (w, x, y, z), 'position': _within_reach(shape.pose[:3])}
-        handle: Any
         if isinstance(mesh, Mesh):
             handle = self._scene.add_mesh_simple(
-                name, mesh.vertices, mesh.faces, scale=(size[0], size[1], size[2]),
-                flat_shading=True, side='double', **common)
+                name, mesh.vertices, mesh.faces, scale=(*size,), flat_shading=True,
+                side='double', **common)
         elif kind == 'box':
-            handle = self._scene.add_box(name, dimensions=(size[0], size[1], size[2]), **common)
+            handle = self._scene.add_box(name, dimensions=(*size,), **common)
         elif kind == 'cylinder':
             handle = self._scene.add_cylinder(name, radius=size[0], height=size[1], **common)
         else:

@@ -6,7 +6,8 @@ from itertools import product
 from typing import Any, Optional
 
 import numpy as np
-from numpy.typing import NDArray
+
+from puretf_tools.view.placement import Floats
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
 VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),
@@ -44,21 +45,21 @@ class FirstCamera:
         self._due: Optional[list[float]] = None
         #: Where the camera was before, and where it was put (m): reports of a browser that has not
         #: moved it yet may still be on their way.
-        self._put: list[NDArray[np.float64]] = []
+        self._put: list[Floats] = []
         self._size = 0.0, 0.0  # of the page, then
         self.is_over = False  #: True after the viewer has moved the camera
 
-    def extend(self, points: NDArray[np.float64]) -> None:
+    def extend(self, points: Floats) -> None:
         """Show some more points, too: (n, 3), x, y, z in the scene (m)."""
         self._add(points)
         if self._due is not None:
             self._due.insert(0, 0.0)
 
-    def _add(self, points: NDArray[np.float64]) -> None:
+    def _add(self, points: Floats) -> None:
         if len(points := np.concatenate([self._points, points])):
             self._points = points[np.unique(np.argmax(points @ _DIRECTIONS, axis=0))]
 
-    def update(self, points: Callable[[], NDArray[np.float64]], now: float) -> None:
+    def update(self, points: Callable[[], Floats], now: float) -> None:
         """
         Move the cameras, if it is time to.
 
@@ -108,7 +109,7 @@ class FirstCamera:
                 np.subtract(camera.position, camera.look_at)) for place in self._put)
 
 
-def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
+def look_at(points: Floats, cameras: Sequence[Any],
             direction: Sequence[float] = VIEWS['all']) -> None:
     """Move cameras so that points (n, 3) are visible, seen from a direction (x, y, z)."""
     if not len(points):
@@ -128,7 +129,7 @@ def look_at(points: NDArray[np.float64], cameras: Sequence[Any],
     _put(cameras, middle + away, middle, angle, max(_FAR, _FAR * radius))
 
 
-def _put(cameras: Sequence[Any], position: NDArray[np.float64], target: NDArray[np.float64],
+def _put(cameras: Sequence[Any], position: Floats, target: Floats,
          angle: float, far: float) -> None:
     for each in cameras:
         # viser refuses numbers that are not finite, and to look along the camera's own `up`.

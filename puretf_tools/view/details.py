@@ -4,16 +4,14 @@ from collections.abc import Iterable
 from math import degrees
 from shlex import quote
 
-import numpy as np
-from numpy.typing import NDArray
-
-from puretf import Frame
 from puretf._text.names import comma_list, visible
 from puretf.rotations import euler_from_quaternion
+from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.inspection.terminal import fixed_point
+from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import escaped, html, STYLE
-from puretf_tools.view.feed import AnyBuffer, Feed
-from puretf_tools.view.placement import MAX_FRAMES, Placement, REACH
+from puretf_tools.view.feed import Feed
+from puretf_tools.view.placement import Floats, MAX_FRAMES, Placement, REACH
 
 
 def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
@@ -75,29 +73,28 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
     if hole := feed.hole(target, name):
         rows += _wide(f'<span data-value="hole">{escaped(hole)}</span>')
     if frame is not None:
-        age = float(placement.ages[i])
-        rows += _published(frame, f'no update for {age:.0f} s' * (age > placement.timeout / 3),
-                           feed)
+        delay, publisher = feed.publication(frame)
+        rows += _title('', '', 'published') + _row('rate', 'rate', rate_text(placement, name))
+        if not frame.is_static:
+            rows += _row('delay', 'delay', 'not known' if delay is None else
+                         f'{delay * 1e3:.2f} ms')
+        rows += _row('publisher', 'publisher', publisher)
     if target != placement.fixed and (why := buffer.why_not(placement.fixed, name, 0)):
         rows += _wide(f'not in the fixed frame: <span data-value="why">{escaped(why)}</span>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'
 
 
-def _published(frame: Frame, why_no_rate: str, feed: Feed) -> str:
-    publication = feed.publication(frame)
-    rows = _title('', '', 'published')
-    if frame.is_static:
-        rows += _row('rate', 'rate', 'static')
-    else:
-        rows += _row('rate', 'rate', why_no_rate or (
-            'not known' if publication.rate is None else f'{publication.rate:.1f} Hz'))
-        rows += _row('delay', 'delay', 'not known' if publication.delay is None else
-                     f'{publication.delay * 1e3:.2f} ms')
-    return rows + _row('publisher', 'publisher', publication.publisher)
+def rate_text(placement: Placement, name: str) -> str:
+    """Return the rate of a frame, or why it has none."""
+    frame = placement.frames.get(name)
+    if frame is None or frame.is_static:
+        return 'static' if frame else ''
+    if name in placement.late:
+        return f'no update for {placement.late[name]:.0f} s'
+    return 'not known' if (rate := rate_of(frame)) is None else f'{rate:.1f} Hz'
 
 
-def _pose(prefix: str, feed: Feed, stamp: int, translation: NDArray[np.float64],
-          rotation: NDArray[np.float64]) -> str:
+def _pose(prefix: str, feed: Feed, stamp: int, translation: Floats, rotation: Floats) -> str:
     """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
     quaternion = (*rotation.tolist(),)
     angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]

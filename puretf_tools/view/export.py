@@ -1,11 +1,16 @@
 """An animation of the scene, which plays in a browser without a server."""
 
 from collections.abc import Callable, Sequence
+from math import ceil
 from socket import create_server
 import sys
+from time import monotonic
 
 import numpy as np
 
+from puretf import SECOND
+from puretf_tools.cli.progress import BAR, listen, progress
+from puretf_tools.cli.signals import forget_signals
 from puretf_tools.view.axes_and_trail import Display, Pieces, Trail
 from puretf_tools.view.body import BodyDisplay, mesh_files
 from puretf_tools.view.camera import look_at
@@ -46,6 +51,20 @@ class Animation:
         if placement.names:
             self.moments.append((
                 time, placement, self._trail.pieces(placement, placement.deepest, Display())))
+
+    def record(self, seconds: float) -> None:
+        """Add the first seconds of a bag, or what is live, from the first transform on."""
+        player = self._feed.player
+        if player is None:
+            listen(seconds, self._feed.buffer.frames, lambda: self.add(monotonic()))
+            forget_signals()
+            return
+        length = min(seconds, player.length)
+        with progress(length, desc='recording', bar_format=BAR) as show_progress:
+            for i in range(ceil(length / PERIOD) + 1):
+                player.seek(player.begin + round(min(length, i * PERIOD) * SECOND))
+                self.add(player.position, player.time)
+                show_progress(player.position)
 
     def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
         """

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from time import monotonic
-from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+from typing import Optional, TYPE_CHECKING
 
 import numpy as np
 
@@ -13,18 +13,18 @@ from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
 from puretf_tools.inspection.forest import self_and_ancestors
-from puretf_tools.inspection.gaps import holes_at
-from puretf_tools.inspection.traffic import rate_of, Traffic
+from puretf_tools.inspection.gaps import AnyBuffer, holes_at
+from puretf_tools.inspection.traffic import Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from puretf import Buffer, StaticTransformBroadcaster
+    from puretf import StaticTransformBroadcaster
     from puretf_tools.inspection.frame_listener import FrameListener
 
-AnyBuffer = Union[TransformBuffer, 'Buffer']
+Descriptions = Mapping[str, DescriptionOrWhy]  #: of robots, by topic
 #: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
 #: The largest number of messages that are examined at a time.
@@ -132,14 +132,6 @@ class HandPublisher:
         return f'{publisher} publishes frame {name} already'
 
 
-class Publication(NamedTuple):
-    """How a frame is published."""
-
-    rate: Optional[float]  #: Hz; None if the rate is not known
-    delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
-    publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
-
-
 class Feed:
     """Where the frames come from."""
 
@@ -158,12 +150,17 @@ class Feed:
     def watch(self, now: float) -> None:
         """Look at what has arrived; `now`: on the monotonic clock (s)."""
 
-    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
-        """Return the descriptions of robots by topic; the same object if none has changed."""
+    def descriptions(self) -> Descriptions:
+        """Return the descriptions of robots; the same object if none has changed."""
         return {}
 
-    def publication(self, frame: Frame) -> Publication:
-        """Return how a frame is published."""
+    def publication(self, frame: Frame) -> tuple[Optional[float], str]:
+        """
+        Return how a frame is published.
+
+        :returns: the average time from stamp to reception (s; None: not known), and the names of
+            the nodes that publish it; for a bag, the authority.
+        """
         raise NotImplementedError
 
     def time_text(self, stamp: int) -> str:
@@ -190,7 +187,7 @@ class BagFeed(Feed):
         self.buffer: TransformBuffer = buffer
         self.player: Player = Player(buffer.frames())
         #: Empty until the bag has been read.
-        self.robots: Mapping[str, DescriptionOrWhy] = {}
+        self.robots: Descriptions = {}
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
         self.done: Optional[float] = None
         self.error: Optional[BaseException] = None  #: what has ended the reading
@@ -216,11 +213,11 @@ class BagFeed(Feed):
                     return str(hole.interpolated(self.player.begin))
         return ''
 
-    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+    def descriptions(self) -> Descriptions:
         return self.robots
 
-    def publication(self, frame: Frame) -> Publication:
-        return Publication(rate_of(frame), None, frame.authority)
+    def publication(self, frame: Frame) -> tuple[Optional[float], str]:
+        return None, frame.authority
 
     def why_no_frames(self) -> str:
         return 'The bag has no transforms up to this time.'
@@ -230,7 +227,7 @@ class LiveFeed(Feed):
     """The frames on /tf and /tf_static."""
 
     def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None,
-                 descriptions: Optional[Mapping[str, DescriptionOrWhy]] = None) -> None:
+                 descriptions: Optional[Descriptions] = None) -> None:
         """Listen; `joint_controls`, `descriptions`: None: those of the nodes in the network."""
         from puretf.publisher_listener import TransformSampler
         from puretf_tools.inspection.frame_listener import FrameListener
@@ -242,16 +239,16 @@ class LiveFeed(Feed):
         #: What was received since the last examination, and whether some was lost before.
         self._waiting: list[Message] = []
         self._has_lost = False
-        self._descriptions = descriptions if descriptions is not None else DescriptionListener(
-            node, self._frame_listener.topics[0].rpartition('/')[0])
+        self._descriptions = DescriptionListener(
+            node, self._frame_listener.topics[0].rpartition('/')[0]
+        ).descriptions if descriptions is None else lambda: descriptions
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer = self._frame_listener.buffer
         self.hand_publisher = HandPublisher(self._frame_listener)
         self.joint_controls = joint_controls or JointCommanders(node)
 
-    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
-        given = self._descriptions
-        return given if isinstance(given, Mapping) else given.descriptions()
+    def descriptions(self) -> Descriptions:
+        return self._descriptions()
 
     def watch(self, now: float) -> None:
         received = self._frame_listener.dated()
@@ -266,7 +263,7 @@ class LiveFeed(Feed):
             self.findings, self.verdict = self._recent.findings, self._recent.verdict
             self.hint = self._frame_listener.topics_hint()
 
-    def publication(self, frame: Frame) -> Publication:
+    def publication(self, frame: Frame) -> tuple[Optional[float], str]:
         listener = self._frame_listener
         publisher = listener.names_of([frame.authority])[frame.authority]
         nodes = [each for each in self._traffic.by_node(listener, frame.name)
@@ -274,8 +271,7 @@ class LiveFeed(Feed):
         summary = next((each.summary for each in nodes if each.node == publisher), None)
         if len(several := [each.node for each in nodes if each.is_present]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'
-        hertz, delay, _ = summary or (None, None, None)
-        return Publication(hertz, delay, publisher)
+        return summary and summary.average_delay, publisher
 
     def reset(self) -> None:
         self.buffer.clear()

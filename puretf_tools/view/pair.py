@@ -9,16 +9,19 @@ import viser
 
 from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
+from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.inspection.terminal import fixed_point
+from puretf_tools.view.axes_and_trail import STEP, Track
 from puretf_tools.view.controls import copied, FrameChoice, html, STYLE
 from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import Feed
+from puretf_tools.view.placement import Floats
 from puretf_tools.view.settings import Settings, SPANS
 
 #: The shortest time between two updates of the plots (s).
 _PERIOD = 0.5
-#: The time between two points of a plot (ns), and the largest number of points.
-_STEP, _MOST_POINTS = SECOND // 20, 2400
+#: The largest number of points of a plot.
+_MOST_POINTS = 2400
 #: What the plots of a live page and of a bag show, of `SPANS`.
 _LIVE, _BAG = ('20 s', '2 min'), ('20 s', 'whole bag')
 _AS_A, _AS_B, _SWAP = 'selected as A', 'selected as B', 'swap'
@@ -32,7 +35,8 @@ class Pair:
     def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed, selected: FrameChoice
                  ) -> None:
         """Add the controls to the current container; `selected`: the frame that buttons take."""
-        self.buffer, self._feed = feed.buffer, feed
+        self._feed = feed
+        self.use(feed.buffer)
         self._selected = selected
         self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
         self._take = gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP))
@@ -45,11 +49,12 @@ class Pair:
         self._texts = gui.add_html('')
         self._key = '', '', ''  # the frames and the span
         self.shown: Optional[Transform] = None  #: the transform; None: there is none
-        #: What the plots show: the frames, the buffer and the span; the times (ns), the values.
-        self._plotted: tuple[object, ...] = ()
-        self._times, self._values = np.empty(0, np.int64), np.empty((0, 6))
         #: The `end` of the numbers and of the plots, and when the plots are due (s).
         self._end, self._plotted_end, self._next = 0, 0, 0.0
+
+    def use(self, buffer: AnyBuffer) -> None:
+        """Take the transforms of another buffer."""
+        self._buffer, self._track = buffer, Track(buffer)
 
     @property
     def frames(self) -> tuple[str, str]:
@@ -93,13 +98,13 @@ class Pair:
 
     def _look_up(self, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:
         """Return why there is no transform, or '' and the transform."""
-        with self.buffer.updated():
-            if why := self.buffer.why_not(a, b, end):
+        with self._buffer.updated():
+            if why := self._buffer.why_not(a, b, end):
                 return why, None
             if not end:
-                latest = self.buffer.get_latest_common_time(a, b)
+                latest = self._buffer.get_latest_common_time(a, b)
                 end = latest if isinstance(latest, int) else latest.nanoseconds
-            translations, rotations, _ = self.buffer.lookup_transforms(a, b, [end])
+            translations, rotations, _ = self._buffer.lookup_transforms(a, b, [end])
         return '', Transform(
             int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
 
@@ -112,41 +117,30 @@ class Pair:
     def _show_plots(self, end: Optional[int]) -> None:
         """Show the values up to `end` (ns); hide the plots if there are none."""
         self._span.visible = end is not None
-        if end is not None:
-            self._plot(end)
-        is_visible = end is not None and bool(np.isfinite(self._values).any())
-        if is_visible:
-            zero = self._feed.player.begin if self._feed.player else self._times[-1]
-            for plot, values in zip(self._plots, np.split(self._values, 2, axis=1)):
-                plot.data = ((self._times - zero) / SECOND, *values.T)
-        for plot in self._plots:
+        values = np.empty((2, 3, 0)) if end is None else self._values(end)
+        is_visible = bool(np.isfinite(values).any())
+        for plot, each in zip(self._plots, values):
+            if is_visible:
+                zero = self._feed.player.begin if self._feed.player else self._track.times[-1]
+                plot.data = ((self._track.times - zero) / SECOND, *each)
             plot.visible = is_visible
 
-    def _plot(self, end: int) -> None:
+    def _values(self, end: int) -> Floats:
+        """Return (2, 3, n), at the times of the track: x, y, z (m); RPY (degrees)."""
         seconds, player = SPANS[self._span.value], self._feed.player
         end = end or SECOND * max(1, seconds)  # both frames are static: at any time
         if player and not seconds:
             begin, end = player.begin, player.end
         else:
             begin = max(1, end - seconds * SECOND)  # 0 would be the latest time
-        step = max(_STEP, (end - begin) // _MOST_POINTS)
         a, b, *_ = self._key
-        key = a, b, self.buffer, step
-        if key != self._plotted or (len(self._times) and not (
-                begin <= self._times[-1] <= end and self._times[0] <= begin + step)):
-            self._plotted, self._times, self._values = key, self._times[:0], self._values[:0]
-        first = int(self._times[-1]) + step if len(self._times) else begin
-        times = np.arange(first, end + 1, step)
-        translations, rotations, known = self.buffer.lookup_transforms(a, b, times)
-        translations[~np.isfinite(translations)] = np.nan
-        angles = np.full(translations.shape, np.nan)
-        angles[known] = np.reshape(
-            [*map(euler_from_quaternion, rotations[known].tolist())], (-1, 3))
-        self._times = np.append(self._times, times)
-        self._values = np.concatenate([
-            self._values, np.column_stack([translations, np.degrees(angles)])])
-        kept = self._times >= begin
-        self._times, self._values = self._times[kept], self._values[kept]
+        self._track.extend(a, b, begin, end, max(STEP, (end - begin) // _MOST_POINTS))
+        values = np.full((len(self._track.poses), 6), np.nan)
+        for value, pose in zip(values, self._track.poses):
+            if not np.isnan(pose[6]):
+                value[:3], value[3:] = pose[:3], np.degrees(euler_from_quaternion(pose[3:]))
+        values[np.isinf(values)] = np.nan
+        return values.T.reshape(2, 3, -1)
 
 
 def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.GuiUplotHandle:

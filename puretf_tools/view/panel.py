@@ -59,11 +59,15 @@ class Panel:
         self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
         self._look_from, self._feed = look_from, feed
-        self._add_left_panel(gui)
+        panel = gui.add_panel()
+        self.tree = Tree(gui, panel.add_tab('Tree'), settings, partial(look_from, 'frame'))
+        self.findings = Findings(gui, panel.add_tab('Findings'), feed)
+        self._panels = {'main': gui.main_panel, 'tree': panel}
+        self.put_panels()
         self._pause: Any = None
         if feed.player is None:
             self._pause = gui.add_checkbox('Pause', False)
-            self._back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
+            self.back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
             self._pause.on_update(self._on_pause)
             gui.add_button_group('Transforms', ('reset',)).on_click(lambda _: feed.reset())
         self.fixed = FrameChoice(gui, 'Fixed frame', AUTOMATIC, settings)
@@ -88,14 +92,6 @@ class Panel:
         self._frame_choices = [self.fixed, self.selected, self.trail, self.follow,
                                *self.pair.choices, self.hand_frame.parent]
 
-    def _add_left_panel(self, gui: viser.GuiApi) -> None:
-        panel = gui.add_panel()
-        self.tree = Tree(gui, panel.add_tab('Tree'), self._settings,
-                         partial(self._look_from, 'frame'))
-        self.findings = Findings(gui, panel.add_tab('Findings'), self._feed)
-        self._panels = {'main': gui.main_panel, 'tree': panel}
-        self.put_panels()
-
     def put_panels(self, stored: Optional[str] = None) -> None:
         """Put the panels where they were, as the browser has stored it, or are at first."""
         with suppress(Exception):  # it may have stored anything
@@ -103,10 +99,9 @@ class Panel:
                 panel, (side, x, y, width, is_folded) = self._panels[name], place
                 if side == 'float':
                     panel.float(x=x, y=y)
-                elif side in ('above', 'below'):
-                    getattr(panel, f'dock_{side}')(self._panels['main'])
                 else:
-                    (panel.dock_left if side == 'left' else panel.dock_right)()
+                    beside = [self._panels['main']] if side in ('above', 'below') else []
+                    getattr(panel, f'dock_{side}')(*beside)
                 if width:
                     panel.set_width(width)
                 if is_folded:
@@ -143,9 +138,9 @@ class Panel:
         return self._pause is not None and self._pause.value
 
     async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._back.disabled = not event.target.value
-        if self._back.disabled:
-            self._back.value = 0.0
+        self.back.disabled = not event.target.value
+        if self.back.disabled:
+            self.back.value = 0.0
 
     def _add_keys(self, gui: viser.GuiApi, time: Union['Panel', Playback]) -> None:
         """Add the keys of the page, by what viser's list of commands says of them."""
@@ -166,12 +161,7 @@ class Panel:
     async def on_step(self, is_back: bool, _: Any) -> None:
         """Pause, and look further back, or less."""
         self._pause.value = True
-        self._back.value = min(max(self._back.value + (_STEP if is_back else -_STEP), 0.0), LENGTH)
-
-    @property
-    def back(self) -> float:
-        """How far back a paused page looks (s)."""
-        return float(self._back.value) if self.is_paused else 0.0
+        self.back.value = min(max(self.back.value + (_STEP if is_back else -_STEP), 0.0), LENGTH)
 
     def set_frames(self, placement: Placement, now: float) -> None:
         """
@@ -209,14 +199,15 @@ class DisplayPanel:
         self._gui = gui
         self._include, self._exclude = (
             settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
-        self._axes = settings.control(gui.add_checkbox('Axes', True))
-        self._size = settings.slider(gui, 'Axis length (m)', 0.02, Display().size)
-        self._lines = settings.control(gui.add_checkbox('Lines to parents', True))
+        axes = settings.control(gui.add_checkbox('Axes', True))
+        size = settings.slider(gui, 'Axis length (m)', 0.02, Display().size)
+        lines = settings.control(gui.add_checkbox('Lines to parents', True))
         self.names = Choice(gui.add_checkbox('Show names', True), settings)
-        self._grid = settings.control(gui.add_checkbox('Grid', True))
-        self._timeout = settings.slider(gui, 'Frame timeout (s)', 1.0, TIMEOUT)
-        self._dark = settings.control(gui.add_checkbox('Dark', False))
-        self._dark.on_update(self._on_dark)
+        grid = settings.control(gui.add_checkbox('Grid', True))
+        self.timeout = settings.slider(gui, 'Frame timeout (s)', 1.0, TIMEOUT)
+        dark = settings.control(gui.add_checkbox('Dark', False))
+        dark.on_update(self._on_dark)
+        self._drawn = size, axes, lines, self.names, grid, dark  # in the order of a `Display`
 
     def passes(self) -> Callable[[str], bool]:
         """Return a function that says whether the name of a frame passes the filters."""
@@ -227,16 +218,9 @@ class DisplayPanel:
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
         configure(self._gui, bool(event.target.value))
 
-    @property
-    def timeout(self) -> float:
-        """The age from which on a frame is not drawn (s)."""
-        return float(self._timeout.value)
-
     def display(self, hidden: frozenset[str]) -> Display:
         """Return what is to be drawn, without some frames."""
-        return Display(
-            self._size.value, self._axes.value, self._lines.value, self.names.value,
-            self._grid.value, hidden, self._dark.value)
+        return Display(hidden, *(control.value for control in self._drawn))
 
 
 def configure(gui: viser.GuiApi, is_dark: bool) -> None:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from puretf import Frame, in_seconds
 from puretf_tools.inspection.forest import descend, Forest, self_and_ancestors
-from puretf_tools.view.feed import AnyBuffer
+from puretf_tools.inspection.gaps import AnyBuffer
 
+Floats = NDArray[np.float64]
 #: A frame of this age (s) is dead, as by default in rviz2 ("Frame Timeout").
 TIMEOUT = 15.0
 #: The distance between the anchors of trees that are not connected, along -y (m).
@@ -39,12 +40,13 @@ class Placement(NamedTuple):
     names: list[str]  #: of the n frames
     anchors: list[str]  #: (n,): of their trees
     parents: list[int]  #: (n,): the index of the parent in `names`; -1: there is no line to it
-    poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
-    points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m); 0 for frames that are `far`
-    origin: NDArray[np.float64]  #: (3,): of the scene, in the fixed frame (m)
+    poses: Floats  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
+    points: Floats  #: (n, 3): x, y, z in the scene (m); 0 for frames that are `far`
+    origin: Floats  #: (3,): of the scene, in the fixed frame (m)
     stamps: list[int]  #: (n,): ns; 0: the pose is valid at all times
     #: (n,): s since the last new stamp; a static frame has the age of its parent, and a root 0.
-    ages: NDArray[np.float64]
+    ages: Floats
+    late: dict[str, float]  #: the ages of those that are older than a third of the timeout
     timeout: float  #: the age (s) of frames that are dead
     frames: dict[str, Frame]  #: by name: the frames that have a parent and are shown
     trees: dict[str, float]  #: by anchor: its y in the scene (m)
@@ -54,7 +56,7 @@ class Placement(NamedTuple):
     dead: list[str]  #: dynamic frames without a new stamp for `timeout`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
 
-    def point(self, name: str) -> Optional[NDArray[np.float64]]:
+    def point(self, name: str) -> Optional[Floats]:
         """Return where a frame is in the scene: (3,), x, y, z (m); None if it is not drawn."""
         return self.points[self.names.index(name)] if (
             name in self.names and name not in self.far) else None
@@ -67,7 +69,7 @@ class FrameWatcher:
         self._buffer, self._clock = buffer, clock
         #: By dynamic frame: the newest stamp (ns), and when it was first seen (s).
         self._updates: dict[str, tuple[int, float]] = {}
-        self._origins: dict[str, NDArray[np.float64]] = {}  # of the scene, by fixed frame
+        self._origins: dict[str, Floats] = {}  # of the scene, by fixed frame
 
     def placement(self, fixed: str = '', until: int = 0, timeout: float = TIMEOUT) -> Placement:
         """
@@ -119,13 +121,14 @@ class FrameWatcher:
                      else -1 for name in names],
             poses=poses, points=points, origin=origin,
             stamps=[pose.stamp for _, _, pose in found],
-            ages=np.array([age_of[name] for name in names]), timeout=timeout,
+            ages=np.array([age_of[name] for name in names]),
+            late={name: age for name, age in age_of.items() if age > timeout / 3}, timeout=timeout,
             frames=frames, trees=trees, deepest=_deepest(frames, root, index), loops=forest.loops,
             far=[name for name in names if name not in index],
             dead=[name for name in known if name not in alive],
             left_out=[name for name in root_of if name not in shown])
 
-    def _origin(self, fixed: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _origin(self, fixed: str, places: Floats) -> Floats:
         """Return the origin of the scene; it stays while most frames are near it."""
         origin = self._origins.get(fixed, np.zeros(3))
         if len(places := places[np.isfinite(places).all(axis=1)]):

@@ -1,8 +1,9 @@
 """The tab of a robot: what of its body is drawn, and sliders for its joints."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from itertools import islice
-from math import degrees, floor, log10
+from math import degrees
 from typing import Any, Optional
 
 import viser
@@ -16,11 +17,12 @@ from puretf_tools.view.controls import change, escaped, html, LAST, STYLE
 from puretf_tools.view.settings import Settings
 
 _MOST_LINES, _LONGEST_LINE = 30, 500
-#: The largest number of sliders, and the time between two updates (s).
-_SLIDERS, _PERIOD = 200, 0.1
+#: The largest number of sliders.
+_SLIDERS = 200
 _LONGEST_NAME = 40  # characters
-#: A slider has about this power of ten of steps.
-_STEPS = 4
+_CENTRE, _WAVE = 'Centre', 'Wave'
+#: Positions are rounded to so many digits: 0.1 mm and 0.1 degrees.
+_DIGITS, _ANGLE_DIGITS = 4, 1
 
 
 class RobotTab:
@@ -32,7 +34,6 @@ class RobotTab:
         self._gui, self._tabs, self._settings, self._source = gui, tabs, settings, joints
         self._controls: list[Any] = []  # of a `BodyDisplay`
         self._joints: Optional[Joints] = None
-        self._next = 0.0  # (s, monotonic clock)
         if joints and joints.come_first:
             self._add()
 
@@ -50,12 +51,9 @@ class RobotTab:
         """What the viewer has chosen."""
         return BodyDisplay(*(control.value for control in self._controls))
 
-    def update(self, lines: Callable[[], tuple[Sequence[str], Sequence[str]]], now: float) -> None:
+    def update(self, lines: Sequence[str], folded_lines: Sequence[str]) -> None:
         """Show lines of text, and folded ones; and the joints."""
-        if now < self._next:
-            return
-        self._next = now + _PERIOD
-        shown, folded = map(_joined, lines())
+        shown, folded = _joined(lines), _joined(folded_lines)
         if shown and not self._controls:
             self._add()
         if not self._controls:
@@ -77,14 +75,12 @@ class _Slider:
     def __init__(self, gui: viser.GuiApi, joint: Joint, position: float) -> None:
         self.joint, is_linear = joint, joint.kind == 'prismatic'
         self.scale = 1.0 if is_linear else degrees(1.0)
-        lower, upper = (bound * self.scale for bound in bounds(joint))
-        width = upper - lower if upper - lower > 1e-9 else 1.0
-        self._digits = max(0, _STEPS - 1 - floor(log10(width)))
+        self._digits = _DIGITS if is_linear else _ANGLE_DIGITS
+        lower, upper = (self._rounded(bound) for bound in bounds(joint))
         self.shown = self._rounded(position)
         name, unit = abbreviated(joint.name, _LONGEST_NAME), 'm' if is_linear else '°'
         self.handle = gui.add_slider(
-            f'{visible(name)} ({unit})', round(lower, self._digits),
-            round(upper, self._digits), 10.0**-self._digits, self.shown)
+            f'{visible(name)} ({unit})', lower, upper, 10.0**-self._digits, self.shown)
 
     def _rounded(self, position: float) -> float:
         return round(position * self.scale, self._digits)
@@ -103,10 +99,8 @@ class Joints:
         with container:
             self._status = gui.add_html('')
             self._choice = gui.add_dropdown('Joints of', ('',), visible=False)
-            self._centre = gui.add_button('Centre', visible=False)
-            self._wave = gui.add_button('Wave', visible=False)
-        self._centre.on_click(self._on_centre)
-        self._wave.on_click(self._on_wave)
+            self._moves = gui.add_button_group('Move', (_CENTRE,), visible=False)
+        self._moves.on_click(self._on_move)
         self._control: Optional[JointControl] = None  # the one that is shown
         self._sliders: list[_Slider] = []
         self._shown: Optional[JointPositions] = None  # what the sliders belong to
@@ -116,29 +110,24 @@ class Joints:
         return next((control for control in self._source.controls
                      if control.topic == self._choice.value), None)
 
-    async def _on_centre(self, _: Any) -> None:
+    async def _on_move(self, event: 'viser.GuiEvent[Any]') -> None:
         if control := self._chosen:
-            control.centre()
+            (control.centre if event.target.value == _CENTRE else control.wave)()
 
-    async def _on_wave(self, _: Any) -> None:
-        if control := self._chosen:
-            control.wave()
-
-    async def _on_slider(self, event: 'viser.GuiEvent[Any]') -> None:
+    async def _on_slider(self, slider: _Slider, event: 'viser.GuiEvent[Any]') -> None:
         # The robot of the sliders may have left since they were shown.
-        if event.client_id is not None and (control := self._control) in self._source.controls:
-            for slider in self._sliders:
-                if slider.handle is event.target and control:
-                    slider.shown = event.target.value
-                    control.set(slider.joint.name, slider.shown / slider.scale)
+        control = self._control
+        if event.client_id is not None and control and control in self._source.controls:
+            slider.shown = event.target.value
+            control.set(slider.joint.name, slider.shown / slider.scale)
 
     def update(self) -> None:
         """Show the robots and the positions."""
         topics = tuple(control.topic for control in self._source.controls)
         change(self._choice, options=topics or ('',), visible=len(topics) > 1)
         control = self._control = self._chosen
-        change(self._centre, visible=control is not None)
-        change(self._wave, visible=control is not None and control.can_wave)
+        change(self._moves, visible=control is not None,
+               options=(_CENTRE, *[_WAVE] * bool(control and control.can_wave)))
         self._show(control.positions if control else None)
         text = self._source.why_none
         if control:
@@ -157,7 +146,7 @@ class Joints:
                     _Slider(self._gui, joint, positions[joint.name])
                     for joint in islice(positions.free.values(), _SLIDERS)] if positions else []
             for slider in self._sliders:
-                slider.handle.on_update(self._on_slider)
+                slider.handle.on_update(partial(self._on_slider, slider))
         for slider in self._sliders:
             if positions:
                 slider.show(positions[slider.joint.name])

@@ -1,9 +1,10 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from functools import partial
-from typing import Optional, Union
+from itertools import count
+from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,12 @@ import viser
 from puretf._text.names import comma_list, shortened
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.forest import descend
-from puretf_tools.robot.descriptions import DescriptionOrWhy
-from puretf_tools.view.axes_and_trail import Axes, axes, Display, lines, Pieces, rounded
+from puretf_tools.view.axes_and_trail import axes, Display, lines, Pieces, rounded
 from puretf_tools.view.body import Body, BodyDisplay
 from puretf_tools.view.camera import page_size
-from puretf_tools.view.controls import change
-from puretf_tools.view.feed import LENGTH
+from puretf_tools.view.feed import Descriptions, LENGTH
 from puretf_tools.view.meshes import Meshes
-from puretf_tools.view.placement import Placement
+from puretf_tools.view.placement import Floats, Placement
 from puretf_tools.view.viser_private import Move, set_pose, Vector, WORLD, Wxyz
 
 #: If there are more frames, their names are not shown until a viewer wants them.
@@ -41,7 +40,7 @@ _TARGET = 10.0
 #: one label shows both names, since two labels would overlap.
 _NEAR = 0.34
 #: The text of a label, and its position (x, y, z; m).
-_Label = tuple[str, NDArray[np.float64]]
+_Label = tuple[str, Floats]
 
 
 class Scene:
@@ -54,21 +53,21 @@ class Scene:
         self._world = owner.scene.add_frame(WORLD, show_axes=False)
         self._yaw, self._shift = 0.0, np.zeros(3)
         #: The fixed frame, and the origin of the last placement.
-        self._origin: tuple[str, NDArray[np.float64]] = '', np.zeros(3)
+        self._origin: tuple[str, Floats] = '', np.zeros(3)
         #: The frame that the world follows, and whether with its yaw; where this frame stays in
         #: the scene: the position (m) and the yaw (rad).
         self._followed = '', False
         self._held = np.zeros(3), 0.0
-        self._axes: Optional[viser.BatchedAxesHandle] = None
-        #: By name: the grid, the lines to the parents, and the line between a pair.
+        self._axes: Any = None
+        #: By name: the grid, lines to the parents, the line between a pair, pieces of the trail.
         self._segments: dict[str, viser.LineSegmentsHandle] = {}
         self._grid = _grid()
         #: By the number of its piece: the newest number when it was coloured, its lines.
-        self._trail: dict[int, tuple[int, NDArray[np.float64], viser.LineSegmentsHandle]] = {}
+        self._trail: dict[int, tuple[int, Floats]] = {}
         #: By the name of their frame: the labels, of which some are not visible. None is used for
         #: another frame: a slow browser would show it with the old text for a moment.
         self._labels: dict[str, viser.LabelHandle] = {}
-        self._label_count = 0
+        self._label_numbers = count()
         self._moves: list[Move] = []
         #: The last placement, how it was drawn, and the labels, for clicks.
         self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
@@ -81,9 +80,8 @@ class Scene:
             owner.scene.on_click(modifier='shift')(partial(self._on_click, self.shift_clicks))
 
     def show(self, placement: Placement, display: Display, selected: Collection[str],
-             trail: Pieces, descriptions: Mapping[str, DescriptionOrWhy],
-             body: BodyDisplay, follow: str = '', with_yaw: bool = False,
-             pair: Collection[str] = ()) -> None:
+             trail: Pieces, descriptions: Descriptions, body: BodyDisplay, follow: str = '',
+             with_yaw: bool = False, pair: Collection[str] = ()) -> None:
         """
         Show frames, a trail, and the bodies of robots, but do not `move` names and bodies yet.
 
@@ -97,7 +95,7 @@ class Scene:
             self._move_world(placement, follow, with_yaw)
             self._show_segments('grid', self._grid, _DARK_GRID if display.is_dark else
                                 _LIGHT_GRID, _GRID_WIDTH, display.with_grid)
-            self._show_axes(axes(placement, display, selected), display.size, display.with_axes)
+            self._show_axes(*axes(placement, display, selected), display)
             self._show_segments(
                 'lines', *lines(placement, display), _LINE_WIDTH, display.with_lines)
             self._show_names(placement, display, selected)
@@ -123,14 +121,14 @@ class Scene:
                 set_pose(*each)
         self._moves.clear()
 
-    def in_scene(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def in_scene(self, points: Floats) -> Floats:
         """Return where points (n, 3) of a placement are in the scene (m)."""
         cos, sin = np.cos(self._yaw), np.sin(self._yaw)
-        result: NDArray[np.float64] = points @ np.array(
+        result: Floats = points @ np.array(
             [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + self._shift
         return result
 
-    def seen(self, placement: Placement, names: Collection[str]) -> NDArray[np.float64]:
+    def seen(self, placement: Placement, names: Collection[str]) -> Floats:
         """Return where frames are in the scene (m): (n, 3)."""
         return self.in_scene(placement.points[[name in names for name in placement.names]])
 
@@ -156,21 +154,21 @@ class Scene:
             self._put(self._world, (x, y, z), (
                 float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))
 
-    def _show_axes(self, new: Axes, size: float, are_visible: bool) -> None:
-        if self._axes is None:
-            if not len(new.positions):
-                return
-            self._axes = self._scene.add_batched_axes(
-                f'{WORLD}/frames', new.wxyzs, new.positions, new.scales,
-                axes_length=size, axes_radius=size * _AXIS_RADIUS)
-        change(self._axes, axes_length=size, axes_radius=size * _AXIS_RADIUS,
-               visible=are_visible and len(new.positions) > 0)
-        if self._axes.visible:
-            for name, values in new._asdict().items():
-                setattr(self._axes, f'batched_{name}', values.astype(np.float32))
+    def _show_axes(self, positions: Floats, wxyzs: Floats, scales: Floats, display: Display
+                   ) -> None:
+        if not self._axes and len(positions):
+            self._axes = self._scene.add_batched_axes(f'{WORLD}/frames', wxyzs, positions, scales)
+        if self._axes:
+            self._axes.axes_length = display.size
+            self._axes.axes_radius = display.size * _AXIS_RADIUS
+            self._axes.visible = display.with_axes and len(positions) > 0
+        if self._axes and self._axes.visible:
+            self._axes.batched_positions = positions.astype(np.float32)
+            self._axes.batched_wxyzs = wxyzs.astype(np.float32)
+            self._axes.batched_scales = scales.astype(np.float32)
 
-    def _show_segments(self, name: str, points: NDArray[np.float64], colours: NDArray[np.uint8],
-                       width: float, are_visible: bool) -> None:
+    def _show_segments(self, name: str, points: Floats, colours: NDArray[np.uint8],
+                       width: float, are_visible: bool = True) -> None:
         """Show or hide line segments: (n, 2, 3), both ends, and their colours, or one."""
         segments = self._segments.get(name)
         if not are_visible or not len(points):
@@ -227,9 +225,8 @@ class Scene:
         for name, (text, position) in shown.items():
             if name not in self._labels:
                 self._labels[name] = self._scene.add_label(
-                    f'{WORLD}/names/{self._label_count}', text, visible=False,
+                    f'{WORLD}/names/{next(self._label_numbers)}', text, visible=False,
                     anchor='bottom-left')
-                self._label_count += 1
             label = self._labels[name]
             label.text = text
             x, y, z = position.tolist()
@@ -238,26 +235,20 @@ class Scene:
 
     def _show_trail(self, trail: Pieces) -> None:
         for number in self._trail.keys() - trail.keys():
-            self._trail.pop(number)[2].remove()
+            del self._trail[number]
+            self._segments.pop(f'trail/{number}').remove()
         newest = max(trail, default=0)
         for number, new in trail.items():
-            coloured, before, piece = self._trail.get(number, (0, new, None))
-            if piece and coloured == newest and np.array_equal(before, new):
-                continue
-            age = min(1.0, (newest - number) / LENGTH)
-            colours = np.broadcast_to(np.round(
-                _TRAIL_COLOUR + age * (np.array(_TRAIL_FADED) - _TRAIL_COLOUR)
-            ).astype(np.uint8), new.shape)
-            if piece:
-                piece.points, piece.colors = new, colours
-            else:
-                piece = self._scene.add_line_segments(
-                    f'{WORLD}/trail/{number}', new, colours, thickness=_TRAIL_WIDTH,
-                    thickness_units='screen')
-            self._trail[number] = newest, new, piece
+            coloured, before = self._trail.get(number, (0, new))
+            if coloured != newest or not np.array_equal(before, new):
+                age = min(1.0, (newest - number) / LENGTH)
+                colour = np.round(_TRAIL_COLOUR + age * (np.array(_TRAIL_FADED) - _TRAIL_COLOUR))
+                self._show_segments(f'trail/{number}', new, np.broadcast_to(
+                    colour.astype(np.uint8), new.shape), _TRAIL_WIDTH)
+                self._trail[number] = newest, new
 
 
-def _grid() -> NDArray[np.float64]:
+def _grid() -> Floats:
     """
     Return the lines of a grid: (n, 2, 3), two ends, x, y, z (m).
 
@@ -290,8 +281,7 @@ def _labels(placement: Placement, display: Display) -> dict[str, _Label]:
 
 
 def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
-                     in_scene: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-                     ) -> dict[str, _Label]:
+                     in_scene: Callable[[Floats], Floats]) -> dict[str, _Label]:
     """Leave out labels that would cover earlier ones, as seen by a camera in the scene."""
     if not labels:
         return labels
@@ -311,7 +301,7 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
     return kept
 
 
-def _pixels(points: NDArray[np.float64], camera: viser.CameraHandle) -> NDArray[np.float64]:
+def _pixels(points: Floats, camera: viser.CameraHandle) -> Floats:
     """Return where a camera sees points (n, 3) of the scene: column, row (pixels), depth (m)."""
     # The camera looks along its z axis; its y axis points down (as in viser's documentation).
     x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points - camera.position).T

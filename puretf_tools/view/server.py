@@ -108,11 +108,10 @@ def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
 def _address(host: str) -> tuple[socket.AddressFamily, str]:
     """Resolve a host name; an IPv4 address is preferred."""
     try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM) if host else []
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
-        found = []
-    if not found:
         raise UsageError(f'{host!r} is not a known host or address: --host takes an address of '
-                         'this machine, such as 127.0.0.1, or 0.0.0.0 for all of its addresses')
+                         'this machine, such as 127.0.0.1, or 0.0.0.0 for all of its addresses'
+                         ) from None
     family, *_, (address, *_) = min(found, key=lambda each: each[0] != socket.AF_INET)
     return family, str(address)

@@ -10,18 +10,17 @@ from puretf import SECOND
 from puretf._text.names import comma_list, shortened
 from puretf_tools.doctor.checks import ERROR, Finding
 from puretf_tools.inspection.forest import Forest, self_and_ancestors
-from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import change, html, Row, Rows
+from puretf_tools.view.details import rate_text
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.settings import Settings
 
 #: The largest number of rows, and the time between two updates (s).
 _ROWS, _PERIOD = 200, 0.5
-#: The colour of a row in each third of the timeout: red, green, blue. White text on each of these
-#: has a contrast of more than 5:1.
-_COLOURS = (30, 115, 55), (176, 72, 0), (95, 100, 105)
-_STATIC, _HIDDEN = (28, 100, 190), (60, 60, 65)
+#: The colours of rows by what is wrong, and of others: red, green, blue. White text on each of
+#: these has a contrast of more than 5:1.
+_COLOURS, _QUIET = {'error': (190, 30, 30), 'warning': (133, 100, 0)}, (95, 100, 105)
 #: Words behind this many characters of a text do not count, so that each search takes little time.
 _LONGEST_TEXT = 1024
 _SELECTED = ' ◀'
@@ -30,9 +29,8 @@ _SELECTED = ' ◀'
 _NAME, _SHORT_NAME, _DEEPEST = 28, 20, 20
 _HIDE, _SHOW, _HIDE_BRANCH, _SHOW_BRANCH, _FOCUS = (
     'hide', 'show', 'hide its branch', 'show its branch', 'focus')
-#: The largest numbers of findings, and of rows that one marks; and their colours.
+#: The largest numbers of findings, and of rows that one marks.
 _MOST, _MOST_MARKS = 20, 10
-_SEVERITIES = {'error': (190, 30, 30), 'warning': (133, 100, 0), 'info': (28, 100, 190)}
 
 
 class Tree:
@@ -108,10 +106,8 @@ class Tree:
         wanted = words_of(self._search.value)
         found = {each for line in lines if has_words(line.name, wanted)
                  for each in self_and_ancestors(line.name, placement.frames)} if wanted else None
-        marks = {frame: f'  {"✖" if finding.severity == ERROR else "⚠"} {finding.code}'
-                 for finding in reversed(findings)  # the worst comes last
+        marks = {frame: finding for finding in reversed(findings)  # the worst comes last
                  for frame in finding.frames if len(finding.frames) <= _MOST_MARKS}
-        thirds = dict(zip(placement.names, (3.0 * placement.ages / placement.timeout).tolist()))
         folded_at = inf
         for line in lines:
             if line.level <= folded_at:
@@ -121,15 +117,14 @@ class Tree:
             is_folded = not wanted and line.name in self._folded
             if is_folded:
                 folded_at = line.level
-            frame = line.frame
-            rate = '' if frame is None else 'static' if frame.is_static else (
-                '-' if (hertz := rate_of(frame)) is None else f'{hertz:.1f} Hz')
-            colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
-                      or frame.is_static else _COLOURS[int(thirds.get(line.name, 0.0))])
             fold = ' ' if line.name not in parents else '▸' if is_folded else '▾'
-            yield Row(line.name, f'{"  " * min(line.level, _DEEPEST)}{fold} '
-                      f'{shortened(line.name, _NAME)}{marks.get(line.name, "")}  {rate}'
-                      f'{_SELECTED * (line.name == selected)}', colour)
+            mark = marks.get(line.name)
+            severity = mark.severity if mark else 'warning' if line.name in placement.late else ''
+            yield Row(line.name, '  '.join((
+                f'{"  " * min(line.level, _DEEPEST)}{fold} {shortened(line.name, _NAME)}',
+                *([f'{"✖" if mark.severity == ERROR else "⚠"} {mark.code}'] if mark else []),
+                'hidden' if line.name in hidden else rate_text(placement, line.name)))
+                + _SELECTED * (line.name == selected), _COLOURS.get(severity, _QUIET))
 
 
 class Findings:
@@ -152,7 +147,7 @@ class Findings:
         if findings is not self._shown:
             self._shown = findings
             self.rows.show([Row(
-                finding, self._title(finding), _SEVERITIES[finding.severity],
+                finding, self._title(finding), _COLOURS.get(finding.severity, _QUIET),
                 html(f'{finding.evidence.rstrip(".")}. ' + bool(finding.nodes) * (
                     f'Sent by {comma_list(finding.nodes)}. ') + finding.remedy,
                      'finding')) for finding in findings[:_MOST]])

@@ -1,6 +1,6 @@
 """The page: the scene and the panels, updated from a feed and from the viewers' choices."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache, partial
 from queue import SimpleQueue
@@ -10,20 +10,19 @@ from typing import Any, Optional
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 import viser
 
 from puretf import SECOND, TransformBuffer
 from puretf_tools.cli.signals import sleep, wait_until
-from puretf_tools.robot.descriptions import DescriptionOrWhy
+from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.view.axes_and_trail import Display, Trail
 from puretf_tools.view.camera import FirstCamera, look_at, set_pixel_ratio, VIEWS
 from puretf_tools.view.controls import change
 from puretf_tools.view.details import details, overview
-from puretf_tools.view.feed import AnyBuffer, BagFeed, Feed, LENGTH
+from puretf_tools.view.feed import BagFeed, Descriptions, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.panel import Panel
-from puretf_tools.view.placement import FrameWatcher, Placement
+from puretf_tools.view.placement import Floats, FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
@@ -47,11 +46,9 @@ _MOMENTS = 20
 Place = Callable[[str, int, float], Placement]
 
 
-def show(feed: Feed, server: Server, meshes: Sequence[str] = (), view: str = '',
-         on_served: Callable[[], object] = lambda: None) -> None:
-    """Show a feed until a signal; call a function when the page is there. See `View`."""
+def show(feed: Feed, server: Server, meshes: Sequence[str] = (), view: str = '') -> None:
+    """Show a feed until a signal; see `View`."""
     shown = View(feed, server, meshes=meshes, view=view)
-    on_served()
     while True:
         start = monotonic()
         shown.update()
@@ -77,7 +74,6 @@ class View:
         self._places = lru_cache(1)(self._places_between)  # of a bag, all viewers see the same
         self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
-        self._ended: set[int] = set()  # the clients that are being disconnected
         self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
 
@@ -94,15 +90,14 @@ class View:
             self._feed.joint_controls.update(descriptions)
         for gone in self.viewers.keys() - clients.keys():
             self.viewers.pop(gone).close()
-        self._ended &= clients.keys()
         place = cache(self._watcher.placement)
-        for number in [number for number in clients if number not in self._ended]:
+        for number, client in clients.items():
+            viewer = self._viewer(number, client, is_alone=len(clients) == 1)
             try:
-                viewer = self._viewer(number, clients[number], is_alone=len(clients) == 1)
                 if not viewer.pace.is_waiting:
                     viewer.update(place, until, now, descriptions)
             except Exception as error:  # whatever the data of one viewer raise, the others stay
-                self._ended.add(number)
+                viewer.pace.is_waiting = True  # for ever
                 self._server.end_session(number, error)
         if not until and not place.cache_info().currsize:
             self._watcher.watch()
@@ -119,14 +114,14 @@ class View:
             viewer.first_camera.extend(self._path())
         return viewer
 
-    def _path(self) -> NDArray[np.float64]:
+    def _path(self) -> Floats:
         """Return where the frames go in a bag, or have been in the last seconds: (n, 3) (m)."""
         if player := self._feed.player:
             return self._places(player.begin, player.end)
         end = max(1, _newest(self._feed.buffer))
         return self._places(max(1, end - 2 * LENGTH * SECOND), end)
 
-    def _places_between(self, begin: int, end: int) -> NDArray[np.float64]:
+    def _places_between(self, begin: int, end: int) -> Floats:
         return np.concatenate([placement.points[
             [name not in placement.far for name in placement.names]] for placement in (
                 self._watcher.placement('', time) for time in np.linspace(
@@ -154,7 +149,8 @@ class Viewer:
         self._settings = Settings(first)
         self._panel = Panel(client, feed, self._settings, self._look_from, playback)
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
-        self._placement: Optional[Placement] = None
+        #: The last placement, and how it was drawn.
+        self._shown: Optional[tuple[Placement, Display]] = None
         self._paused_at = 0  # when the page was paused (ns)
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
         #: there are no frames.
@@ -192,17 +188,16 @@ class Viewer:
                 self._feed.buffer, max(1, self._paused_at - LENGTH * SECOND))
             self._use(copy)
             self._place_paused = lru_cache(1)(FrameWatcher(copy).placement)
-        self._until = max(1, self._paused_at - round(panel.back * SECOND)) if (
+        self._until = max(1, self._paused_at - round(panel.back.value * SECOND)) if (
             self._place_paused) else until
         return (self._place_paused or place)(
-            panel.fixed.chosen, self._until, panel.display.timeout)
+            panel.fixed.chosen, self._until, panel.display.timeout.value)
 
     def _use(self, buffer: AnyBuffer) -> None:
-        self._panel.pair.buffer = self._buffer = buffer
-        self._trail = Trail(buffer)
+        self._buffer, self._trail = buffer, Trail(buffer)
+        self._panel.pair.use(buffer)
 
-    def update(self, place: Place, until: int, now: float,
-               descriptions: Mapping[str, DescriptionOrWhy]) -> None:
+    def update(self, place: Place, until: int, now: float, descriptions: Descriptions) -> None:
         """
         Show the frames; the viewer must be due.
 
@@ -213,18 +208,19 @@ class Viewer:
         panel = self._panel
         if self.pace.error:
             raise self.pace.error
-        if self._placement is None:
+        if self._shown is None:
             self._restore()
         set_pixel_ratio(self._client.camera, self.pace.pixel_ratio)
         if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
-        placement = self._placement = self._place(place, until)
+        placement = self._place(place, until)
         panel.set_frames(placement, now)
         self._take_clicks(placement)
         selected = panel.selected.value
         hidden = panel.tree.hidden(placement, panel.display.passes())
         display = panel.display.display(hidden)
+        self._shown = placement, display
         panel.tree.update(placement, selected, hidden, self._feed.findings, now)
         panel.findings.update()
         marked = self._marked if selected in self._marked else ()
@@ -232,10 +228,10 @@ class Viewer:
                          self._trail.pieces(placement, panel.trail.value, display), descriptions,
                          panel.robot.display, panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
-        panel.robot.update(self._scene.body.lines, now)
         panel.hand_frame.update(placement)
         if now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD
+            panel.robot.update(*self._scene.body.lines())
             panel.pair.update(self._until, now)
             change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
             change(panel.details, content=details(
@@ -269,14 +265,13 @@ class Viewer:
 
     async def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
-        if (placement := self._placement) is None:
-            return
-        hidden = (frozenset(placement.names) - {self._panel.selected.value} if view == 'frame' else
-                  self._panel.tree.hidden(placement, self._panel.display.passes()))
-        shown = self._panel.display.display(hidden).shown(placement)
-        look_at(self._scene.seen(placement, shown), self._cameras,
-                VIEWS['all' if view == 'frame' else view])
-        self.first_camera.is_over = True
+        if self._shown:
+            placement, display = self._shown
+            shown = display.shown(placement) if view in VIEWS else (
+                Display().shown(placement) & {self._panel.selected.value})
+            look_at(self._scene.seen(placement, shown), self._cameras,
+                    VIEWS.get(view, VIEWS['all']))
+            self.first_camera.is_over = True
 
 
 class Pace:

@@ -69,7 +69,7 @@ def test_the_joints_of_a_file(start, ros, urdf, positions):
         assert positions['grip'] == pytest.approx(pi / 2 + 0.25)
         viewer.set('lift (m)', 99.0)
         ros.until(lambda: positions['lift'] == 1.5)
-        viewer.set('Centre', True)
+        viewer.set('Move', 'Centre')
         ros.until(lambda: positions == {'shoulder': 0.0, 'grip': 0.25, 'lift': 1.0})
     process.end_normally(signal.SIGTERM)
     assert process.output.count('\n') == 1

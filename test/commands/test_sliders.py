@@ -54,10 +54,10 @@ def test_the_arm_holds_and_waves_again(start, ros, open_viewer):
     ros.until(lambda: len(states) > 10 and {each[1] for each in states[-10:]} == {radians(-12.5)})
     assert len({each[0] for each in states[-10:]}) == 10
     other.until(lambda: other.value('joint_2 (°)') == -12.5)
-    other.set('Centre', True)
+    other.set('Move', 'Centre')
     ros.until(lambda: states[-1] == [0.0] * 3)
     viewer.until(lambda: viewer.value('joint_2 (°)') == 0.0)
-    viewer.set('Wave', True)
+    viewer.set('Move', 'Wave')
     ros.until(lambda: 0.0 not in states[-1])
     for each in viewer, other:
         each.until(lambda each=each: each.value('joint_2 (°)') != 0.0)

@@ -15,7 +15,7 @@ from typing import Any
 from fuzz_messages import changed, folder, Input
 import numpy as np
 
-from puretf_tools.view.mesh_loader import load, MeshError
+from puretf_tools.view.meshes import load, MeshError
 
 # Meshes
 

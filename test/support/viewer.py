@@ -11,7 +11,7 @@ import numpy as np
 from processes import TIMEOUT
 import pytest
 
-from puretf_tools.view.feed import Feed, HandPublisher, Publication
+from puretf_tools.view.feed import Feed, HandPublisher
 
 viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 msgspec, zstandard = map(pytest.importorskip, ('msgspec', 'zstandard'))
@@ -206,10 +206,10 @@ class StubFeed(Feed):
 
     name, hint = '/tf', 'other <topics>'
 
-    def __init__(self, buffer, publication=None):
+    def __init__(self, buffer, publication=(None, '')):
         """Create a feed of a buffer; `why` is the reason by which it refuses what is published."""
         self.buffer = buffer
-        self._publication = publication or Publication(None, None, '')
+        self._publication = publication
         self.sent, self.stopped, self.why = [], [], ''
         self.hand_publisher = cast(HandPublisher, self)
 

@@ -24,8 +24,7 @@ from puretf_tools.robot.descriptions import parsed
 from puretf_tools.robot.shapes import MOST_SHAPES
 from puretf_tools.view.export import Animation
 from puretf_tools.view.feed import BagFeed
-from puretf_tools.view.mesh_loader import load, MAX_BYTES, MeshError
-from puretf_tools.view.meshes import Meshes
+from puretf_tools.view.meshes import load, MAX_BYTES, MeshError, Meshes
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -551,7 +550,7 @@ def test_without_pycollada_a_collada_mesh_names_it(tmp_path):
     """The extra `view` brings it; on a desktop, it may be missing."""
     (tmp_path / 'collada.py').write_text('raise ImportError')
     code = ('import sys\nfrom pathlib import Path\n'
-            'from puretf_tools.view.mesh_loader import load, MeshError\n'
+            'from puretf_tools.view.meshes import load, MeshError\n'
             'try:\n    load(Path(sys.argv[1]))\nexcept MeshError as error:\n    print(error)\n')
     done = subprocess.run([sys.executable, '-c', code, DATA / 'robots' / 'triangle_mm.dae'],
                           text=True, timeout=60, capture_output=True, check=True, env={

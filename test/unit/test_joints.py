@@ -121,7 +121,7 @@ def test_what_one_viewer_moves_the_other_sees():
         assert control.positions.all() == {
             'turn': pytest.approx(-pi / 2), 'slide': 0.3, 'wheel': 0.0,
             'copy': pytest.approx(-pi)}
-        page.other.set('Centre', True)
+        page.other.set('Move', 'Centre')
         page.until(lambda: sliders(page.viewer)['turn (°)']['value'] == 0.0)
         page.until(lambda: sliders(page.viewer)['slide (m)']['value'] == 0.225)
 
@@ -142,10 +142,10 @@ def test_a_robot_that_moves_by_itself():
         page.wait_for_sliders(3)
         control.positions.set('wheel', -pi / 2)
         page.until(lambda: page.viewer.value('wheel (°)') == -90.0)
-        page.viewer.set('Wave', True)
+        page.viewer.set('Move', 'Wave')
         page.until(lambda: control.waves == 1)
         page.controls[:] = [JointControl('/joint_states', ARM)]
-        page.until(lambda: page.viewer.get('Wave', 'visible') is False)
+        page.until(lambda: page.viewer.get('Move', 'options') == ['Centre'])
 
 
 def test_a_robot_that_leaves_while_it_is_moved():
@@ -155,8 +155,8 @@ def test_a_robot_that_leaves_while_it_is_moved():
         page.wait_for_sliders(3)
         page.controls.clear()
         page.viewer.set('turn (°)', 20.0)
-        page.viewer.set('Centre', True)
-        page.viewer.set('Wave', True)
+        page.viewer.set('Move', 'Centre')
+        page.viewer.set('Move', 'Wave')
         page.until(lambda: page.text() == 'start it')
         assert (control.positions['turn'], control.waves) == (0.0, 0)
 
