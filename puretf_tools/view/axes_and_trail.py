@@ -33,6 +33,9 @@ class Display(NamedTuple):
     with_names: bool = True
     with_grid: bool = True
     is_dark: bool = False  #: whether the page is dark
+    with_visuals: bool = True  #: bodies as they look
+    with_collisions: bool = False  #: their shapes for collision checking
+    opacity: float = 1.0  #: of bodies: multiplies that of each color
 
     def shown(self, placement: Placement) -> set[str]:
         """Return the frames that are drawn: neither hidden nor far."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import Any, NamedTuple, Optional
+from typing import Any, Optional
 
 import numpy as np
 import viser
@@ -15,7 +15,7 @@ from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.shapes import Rgba, Shape
-from puretf_tools.view.axes_and_trail import rounded
+from puretf_tools.view.axes_and_trail import Display, rounded
 from puretf_tools.view.feed import Descriptions
 from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
 from puretf_tools.view.placement import Placement, REACH
@@ -28,14 +28,6 @@ _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
 _MISSING: Rgba = (0.5, 0.5, 0.5, 1.0)
 _COLLISION: Rgba = (0.0, 0.6, 0.55, 0.35)
-
-
-class BodyDisplay(NamedTuple):
-    """What is drawn of the bodies."""
-
-    with_visuals: bool = True
-    with_collisions: bool = False
-    opacity: float = 1.0  #: multiplies that of each color
 
 
 @dataclass
@@ -106,13 +98,13 @@ class Body:
         self._left = 0  # how many shapes this update may still add
         self._opacity = 1.0
 
-    def show(self, descriptions: Descriptions, placement: Placement, body: BodyDisplay) -> None:
+    def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
         """Draw the bodies at the frames."""
         if descriptions is not self._descriptions:
             self._replace(descriptions)
         if not self._robots:
             return
-        self._set_opacity(body.opacity)
+        self._set_opacity(display.opacity)
         self._left = self.at_a_time
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
         far = {*placement.far}
@@ -125,7 +117,7 @@ class Body:
                     {*placement.names})
             for part in robot.parts:
                 frame = robot.prefix + part.link
-                is_on = body.with_collisions if part.is_collision else body.with_visuals
+                is_on = display.with_collisions if part.is_collision else display.with_visuals
                 if is_on and frame in poses:
                     self._draw(robot, part, poses[frame])
                 elif part.node:

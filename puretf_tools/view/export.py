@@ -12,7 +12,7 @@ from puretf import SECOND
 from puretf_tools.cli.progress import BAR, listen, progress
 from puretf_tools.cli.signals import forget_signals
 from puretf_tools.view.axes_and_trail import Display, Pieces, Trail
-from puretf_tools.view.body import BodyDisplay, mesh_files
+from puretf_tools.view.body import mesh_files
 from puretf_tools.view.camera import look_at
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
@@ -89,7 +89,7 @@ class Animation:
                 on_progress(time - self.moments[0][0])
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
-                           {placement.deepest}, trail, descriptions, BodyDisplay(), follow)
+                           {placement.deepest}, trail, descriptions, follow)
                 scene.move()
                 before = time
             _, self.problems = scene.body.lines()

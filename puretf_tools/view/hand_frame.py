@@ -42,8 +42,7 @@ class HandFrame:
         self._refusal = '', '', ''
         #: x, y, z (m) and roll, pitch, yaw (degrees) in the parent.
         self._pose = _ZERO, _ZERO
-        self._name_control = gui.add_text('New frame', '')
-        self._name_control.on_update(self._on_name)
+        gui.add_text('New frame', '').on_update(self._on_name)
         self.parent = FrameChoice(gui, 'Parent')
         self._position = gui.add_vector3(
             'x, y, z (m)', _ZERO, min=(-REACH,) * 3, max=(REACH,) * 3, step=10.0**-_DIGITS)
@@ -94,20 +93,18 @@ class HandFrame:
             x, y, z, w = placement.poses[placement.names.index(parent), 3:]
             self._parent_node.position, self._parent_node.wxyz = point, (w, x, y, z)
         self._handles.visible = bool(name) and point is not None
-        problem = _problem(transform, placement, can_be_published=self._publisher is not None)
-        if self._publisher is not None:
-            self._update_publication(transform, problem, self._publisher)
+        problem = _problem(transform, placement)
+        if self._publisher:
+            self._publish(transform, problem, self._publisher)
+        elif not problem and name in placement.frames:
+            problem = f'the bag has a frame {name} already'
         *refused, why = self._refusal
         shown = (refused == [name, parent] and why) or (problem if name else '')
-        texts = [html(shown, 'hand')]
-        if not problem:
-            numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
-                          (*position, *map(radians, angles)))
-            texts.append(copied(command_line(parent, name, numbers), 'command'))
-        change(self._text, content=''.join(texts))
+        numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'), (*position, *map(radians, angles)))
+        change(self._text, content=html(shown, 'hand') + ('' if problem else copied(
+            command_line(parent, name, numbers), 'command')))
 
-    def _update_publication(self, transform: Transform, problem: str,
-                            publisher: HandPublisher) -> None:
+    def _publish(self, transform: Transform, problem: str, publisher: HandPublisher) -> None:
         """Send a transform that has changed; a refusal switches 'Publish' off."""
         if self._is_on.value and transform != self._published:
             if why := problem or publisher.send(transform, self):
@@ -122,12 +119,12 @@ class HandFrame:
 
     def stop(self) -> None:
         """Stop publishing the frame."""
-        if self._publisher is not None and self._published is not None:
+        if self._publisher and self._published:
             self._publisher.stop(self._published.child_frame_id)
             self._published = None
 
 
-def _problem(transform: Transform, placement: Placement, can_be_published: bool) -> str:
+def _problem(transform: Transform, placement: Placement) -> str:
     """Return why a transform cannot be published, whoever publishes its frame; '' if it can."""
     parent, name = transform.frame_id, transform.child_frame_id
     if not name:
@@ -144,8 +141,6 @@ def _problem(transform: Transform, placement: Placement, can_be_published: bool)
         return f'frame {name} cannot be its own parent'
     if name in self_and_ancestors(parent, placement.frames):
         return f'frame {name} is above {visible(parent)}: there would be a loop'
-    if not can_be_published and name in placement.frames:
-        return f'the bag has a frame {name} already'
     return ''
 
 

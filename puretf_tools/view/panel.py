@@ -74,7 +74,7 @@ class Panel:
         self._add_keys(gui, playback or self)
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
         tabs = gui.add_tab_group()
-        self.robot = RobotTab(gui, tabs, settings, feed.joint_controls)
+        self.robot = RobotTab(gui, tabs, feed.joint_controls)
         with tabs.add_tab('Frame'):
             self.selected = FrameChoice(gui, 'Frame', settings=settings)
             self.trail = FrameChoice(gui, 'Trail of', settings=settings)
@@ -207,7 +207,11 @@ class DisplayPanel:
         self.timeout = settings.slider(gui, 'Frame timeout (s)', 1.0, TIMEOUT)
         dark = settings.control(gui.add_checkbox('Dark', False))
         dark.on_update(self._on_dark)
-        self._drawn = size, axes, lines, self.names, grid, dark  # in the order of a `Display`
+        bodies = [*map(settings.control, (
+            gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False))),
+            settings.slider(gui, 'Opacity', 0.05, 1.0)]
+        #: In the order of a `Display`.
+        self._drawn = size, axes, lines, self.names, grid, dark, *bodies
 
     def passes(self) -> Callable[[str], bool]:
         """Return a function that says whether the name of a frame passes the filters."""

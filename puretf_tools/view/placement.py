@@ -109,7 +109,8 @@ class FrameWatcher:
         places = poses[:, :3].copy()
         places[:, 1] += [trees[anchor] for anchor, _, _ in found]
         origin = self._origin(fixed, places)
-        points = places - origin
+        with np.errstate(over='ignore'):
+            points = places - origin
         is_near = np.abs(points).max(axis=1) <= REACH
         points[~is_near] = 0.0
         index = {name: i for i, name in enumerate(names) if is_near[i]}

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentTypeError
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import ceil
 from typing import Any
@@ -48,12 +48,10 @@ class Playback:
             self._time = self._slider()
             self._shown_time = gui.add_html('')
             self._play = gui.add_button_group('Play', (_PAUSE, _BACK, _NEXT, _LOOP))
-            speed = gui.add_button_group('Speed', _SPEEDS)
-            goal = gui.add_text('Go to', '')
+            gui.add_button_group('Speed', _SPEEDS).on_click(self._on_speed)
+            gui.add_text('Go to', '').on_update(self._on_goal)
             self._problem = gui.add_html('')
         self._play.on_click(self._on_play)
-        speed.on_click(self._on_speed)
-        goal.on_update(self._on_goal)
 
     def _slider(self) -> Any:
         player = self._player
@@ -97,9 +95,9 @@ class Playback:
         """Go to the next transform, or back to the last one."""
         self._requests.append(partial(self._step, is_back))
 
-    def update(self, clients: Iterable[viser.ClientHandle]) -> int:
+    def update(self, clients: Sequence[viser.ClientHandle]) -> int:
         """Advance the player if somebody looks, show where it is, and return its time (ns)."""
-        player, clients = self._player, [*clients]
+        player = self._player
         change(self._reading, content=html(self._feed.update(), 'reading'))
         length = ceil(player.length / _TIME_STEP) * _TIME_STEP
         if length != self._length:
@@ -118,16 +116,11 @@ class Playback:
         change(self._shown_time, content=html(both(player.time, player.begin) + speed, 'time'))
         change(self._play, options=(_PAUSE if player.plays else _PLAY, _BACK, _NEXT,
                                     _LOOP if player.loops else _ONCE))
-        self._fit(clients)
-        return player.time
-
-    def _fit(self, clients: Iterable[viser.ClientHandle]) -> None:
-        """Let the bar be as wide as the narrowest scene."""
-        width = min((page_size(client.camera)[0] for client in clients), default=0.0)
-        if width and width != self._width:
+        width = min((page_size(client.camera)[0] for client in clients), default=self._width)
+        if width != self._width:  # the bar is as wide as the narrowest scene
             self._width = width
-            self._bar.float(x=_MARGIN / 2, y=-_MARGIN / 2,
-                            width=max(_NARROWEST, width - _MARGIN))
+            self._bar.float(x=_MARGIN / 2, y=-_MARGIN / 2, width=max(_NARROWEST, width - _MARGIN))
+        return player.time
 
     def _step(self, is_back: bool) -> None:
         time, stamps = self._player.time, []

@@ -1,4 +1,4 @@
-"""The tab of a robot: what of its body is drawn, and sliders for its joints."""
+"""The tab of a robot: its description, and sliders for its joints."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -12,9 +12,7 @@ from puretf._text.names import abbreviated, visible
 from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
 from puretf_tools.robot.joint_senders import JointControl, JointControls
-from puretf_tools.view.body import BodyDisplay
 from puretf_tools.view.controls import change, escaped, html, LAST, STYLE
-from puretf_tools.view.settings import Settings
 
 _MOST_LINES, _LONGEST_LINE = 30, 500
 #: The largest number of sliders.
@@ -26,13 +24,13 @@ _DIGITS, _ANGLE_DIGITS = 4, 1
 
 
 class RobotTab:
-    """The controls of a `BodyDisplay`, lines about descriptions and meshes, and the joints."""
+    """Lines about descriptions and meshes, and the joints."""
 
-    def __init__(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle, settings: Settings,
+    def __init__(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle,
                  joints: Optional[JointControls]) -> None:
         """Add the tab when there is a description, or at once if the joints come first."""
-        self._gui, self._tabs, self._settings, self._source = gui, tabs, settings, joints
-        self._controls: list[Any] = []  # of a `BodyDisplay`
+        self._gui, self._tabs, self._source = gui, tabs, joints
+        self._text: Any = None
         self._joints: Optional[Joints] = None
         if joints and joints.come_first:
             self._add()
@@ -40,27 +38,18 @@ class RobotTab:
     def _add(self) -> None:
         gui, tab = self._gui, self._tabs.add_tab('Robot')
         with tab:
-            self._controls = [*map(self._settings.control, (
-                gui.add_checkbox('Visual', True), gui.add_checkbox('Collision', False))),
-                self._settings.slider(gui, 'Opacity', 0.05, 1.0)]
             self._text = gui.add_html('', order=LAST)
         self._joints = Joints(gui, tab, self._source) if self._source else None
-
-    @property
-    def display(self) -> BodyDisplay:
-        """What the viewer has chosen."""
-        return BodyDisplay(*(control.value for control in self._controls))
 
     def update(self, lines: Sequence[str], folded_lines: Sequence[str]) -> None:
         """Show lines of text, and folded ones; and the joints."""
         shown, folded = _joined(lines), _joined(folded_lines)
-        if shown and not self._controls:
+        if shown and not self._text:
             self._add()
-        if not self._controls:
-            return
         if folded:
             shown += f'<details><summary>meshes that are not drawn</summary>{folded}</details>'
-        change(self._text, content=f'<div style="{STYLE}" data-text="robot">{shown}</div>')
+        if self._text:
+            change(self._text, content=f'<div style="{STYLE}" data-text="robot">{shown}</div>')
         if self._joints:
             self._joints.update()
 

@@ -14,7 +14,7 @@ from puretf._text.names import comma_list, shortened
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.forest import descend
 from puretf_tools.view.axes_and_trail import axes, Display, lines, Pieces, rounded
-from puretf_tools.view.body import Body, BodyDisplay
+from puretf_tools.view.body import Body
 from puretf_tools.view.camera import page_size
 from puretf_tools.view.feed import Descriptions, LENGTH
 from puretf_tools.view.meshes import Meshes
@@ -80,8 +80,8 @@ class Scene:
             owner.scene.on_click(modifier='shift')(partial(self._on_click, self.shift_clicks))
 
     def show(self, placement: Placement, display: Display, selected: Collection[str],
-             trail: Pieces, descriptions: Descriptions, body: BodyDisplay, follow: str = '',
-             with_yaw: bool = False, pair: Collection[str] = ()) -> None:
+             trail: Pieces, descriptions: Descriptions, follow: str = '', with_yaw: bool = False,
+             pair: Collection[str] = ()) -> None:
         """
         Show frames, a trail, and the bodies of robots, but do not `move` names and bodies yet.
 
@@ -103,7 +103,7 @@ class Scene:
             self._show_segments(
                 'pair', rounded(np.array([ends])), _PAIR_COLOUR, _PAIR_WIDTH, len(ends) == 2)
             self._show_trail(trail)
-            self.body.show(descriptions, placement, body)
+            self.body.show(descriptions, placement, display)
 
     def _put(self, node: viser.SceneNodeHandle, position: Vector,
              wxyz: Optional[Wxyz] = None) -> None:
@@ -123,10 +123,8 @@ class Scene:
 
     def in_scene(self, points: Floats) -> Floats:
         """Return where points (n, 3) of a placement are in the scene (m)."""
-        cos, sin = np.cos(self._yaw), np.sin(self._yaw)
-        result: Floats = points @ np.array(
-            [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) + self._shift
-        return result
+        turn = viser.transforms.SO3.from_z_radians(self._yaw)
+        return np.asarray(turn.apply(points)) + self._shift
 
     def seen(self, placement: Placement, names: Collection[str]) -> Floats:
         """Return where frames are in the scene (m): (n, 3)."""
@@ -151,8 +149,8 @@ class Scene:
             self._shift = self._shift + place - self.in_scene(point[None])[0]
         if is_new or point is not None:
             x, y, z = self._shift.tolist()
-            self._put(self._world, (x, y, z), (
-                float(np.cos(self._yaw / 2)), 0.0, 0.0, float(np.sin(self._yaw / 2))))
+            turn = viser.transforms.SO3.from_z_radians(self._yaw)
+            self._put(self._world, (x, y, z), (*turn.wxyz.tolist(),))
 
     def _show_axes(self, positions: Floats, wxyzs: Floats, scales: Floats, display: Display
                    ) -> None:
@@ -191,7 +189,7 @@ class Scene:
         if self._shown is None:
             return ''
         placement, display, labels = self._shown
-        for (name, (text, place)) in labels.items():
+        for name, (text, place) in labels.items():
             (left, bottom, depth), = _pixels(self.in_scene(place[None]), camera)
             if (depth > 0.0 and 0.0 <= x - left <= _LETTER * (len(text) + 2)
                     and 0.0 <= bottom - y <= 2 * _HALF_LINE):
@@ -292,10 +290,9 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
     kept = {}
     for (name, label), column, row, depth in zip(
             labels.items(), columns.tolist(), rows.tolist(), pixels[:, 2].tolist()):
-        cells = {(column + i, row - j) for i in range(len(label[0]) + 2) for j in range(3)}
-        if depth <= 0.0:  # behind the camera
-            kept[name] = label
-        elif taken.isdisjoint(cells):
+        cells = {(column + i, row - j) for i in range(len(label[0]) + 2) for j in range(3)
+                 if depth > 0.0}  # none behind the camera
+        if taken.isdisjoint(cells):
             taken |= cells
             kept[name] = label
     return kept

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 import json
 from math import pi
 from typing import Any, NamedTuple, TYPE_CHECKING
@@ -41,10 +42,6 @@ def _is_camera(value: Any) -> bool:
             value[6], 1e-3, pi))
 
 
-def _slider(lower: float, upper: float) -> _Kind:
-    return lambda value: _is_number(value, lower, upper), f'a number from {lower:g} to {upper:g}'
-
-
 _FLAG: _Kind = lambda value: type(value) is bool, 'true or false'
 _TEXT: _Kind = _is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8'
 _FRAME: _Kind = (lambda value: value is None or _is_text(value),
@@ -53,7 +50,9 @@ _FRAMES: _Kind = (lambda value: type(value) is list and all(map(_is_text, value)
                   f'a list of names of frames, each of at most {LONGEST_NAME} bytes in UTF-8')
 #: By the names of settings, such as the labels of controls.
 _KINDS: dict[str, _Kind] = {
-    **{label: _slider(*limits) for label, limits in _RANGES.items()},
+    **{label: (partial(_is_number, lower=lower, upper=upper),
+               f'a number from {lower:g} to {upper:g}')
+       for label, (lower, upper) in _RANGES.items()},
     **dict.fromkeys(('Axes', 'Lines to parents', 'Grid', 'Dark', 'Follow its yaw', 'Visual',
                      'Collision'), _FLAG),
     'Show names': (lambda value: type(value) in (bool, type(None)), 'true, false or null'),
@@ -137,7 +136,6 @@ class Settings:
 
     def reset(self, text: str = '') -> str:
         """Set all to what a line of JSON says, or else to what it was at first; see `restore`."""
-        self._wanted = {}
         for kept in self._kept.values():
             kept.write(kept.default)
         why = self.restore(text) if text else ''

@@ -61,10 +61,8 @@ class Tree:
         hidden = self._hidden_branches if action in (_HIDE_BRANCH, _SHOW_BRANCH) else self._hidden
         if action == _FOCUS:
             await self._on_focus()
-        elif action in (_SHOW, _SHOW_BRANCH):
-            hidden.discard(name)
         elif name:
-            hidden.add(name)
+            hidden ^= {name}
 
     def hidden(self, placement: Placement, passes: Callable[[str], bool]) -> frozenset[str]:
         """Return the frames that are not to be drawn; `passes`: whether a name passes filters."""
@@ -93,9 +91,9 @@ class Tree:
             _SHOW if selected in self._hidden else _HIDE,
             _SHOW_BRANCH if selected in self._hidden_branches else _HIDE_BRANCH, _FOCUS))
         rows = [*self._tree(placement, selected, hidden, findings)]
-        status = f'{len(rows)} of {len(placement.names)} frames' + (
-            f'; {len(rows) - _ROWS} more have no row: search, or fold some'
-            * (len(rows) > _ROWS))
+        status = f'{len(rows)} of {len(placement.names)} frames'
+        if len(rows) > _ROWS:
+            status += f'; {len(rows) - _ROWS} more have no row: search, or fold some'
         change(self._status, content=f'<div class="tf-rows">{html(status, "tree")}</div>')
         self.rows.show(rows[:_ROWS])
 

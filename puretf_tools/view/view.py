@@ -81,7 +81,7 @@ class View:
         """Read the feed and the panels, and update what each viewer sees."""
         now = self._clock()
         clients = self._server.get_clients()
-        until = self._playback.update(clients.values()) if self._playback else 0
+        until = self._playback.update([*clients.values()]) if self._playback else 0
         if clients and now >= self._next_watch:
             self._feed.watch(now)
             self._next_watch = now + _TEXT_PERIOD
@@ -226,7 +226,7 @@ class Viewer:
         marked = self._marked if selected in self._marked else ()
         self._scene.show(placement, display, {selected, *marked},
                          self._trail.pieces(placement, panel.trail.value, display), descriptions,
-                         panel.robot.display, panel.follow.value, panel.follows_yaw.value,
+                         panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
         panel.hand_frame.update(placement)
         if now >= self._next_texts:

@@ -194,7 +194,7 @@ def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
     assert np.linalg.norm(line[1] - line[0]) == pytest.approx(0.2, abs=2e-4)
     page.until(lambda: np.linalg.norm(
         page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
-    page.until(lambda: '6 frames' in page.overview())
+    page.until(lambda: '6 frames' in page.page.inner_text('[data-text="overview"]'))
     page.until(lambda: len(page.scene().trail) > 20)
     page.tick('Pause', True)
     page.click('joint_1', lambda: page.value('parent') == 'base_link')

@@ -184,11 +184,6 @@ class BrowserPage:
         """Return the numbers of a value."""
         return [*map(float, self.value(key).split())]
 
-    def overview(self) -> str:
-        """Return the text about all frames."""
-        text: str = self.page.inner_text('[data-text="overview"]')
-        return text
-
     def choose(self, label: str, frame: str) -> None:
         """Choose a frame in a dropdown."""
         self.page.get_by_role('combobox', name=label, exact=True).click()

@@ -324,16 +324,6 @@ def test_a_bag_that_cannot_be_examined(lonely, monkeypatch):
     assert lonely().verdict == 'tf_doctor cannot examine the bag: division by zero'
 
 
-def test_a_time_beyond_the_slider(controls):
-    """It is clamped."""
-    shown = controls()
-    shown.set('Play', 'pause')
-    assert shown.after(1.0) == 0.0
-    for value, position in (99.0, 10.0), (-1.0, 0.0), (4.0, 4.0), (1e308, 10):
-        shown.set('Time (s)', value)
-        assert shown.after(1.0) == position
-
-
 def driven(seconds):
     """Return a buffer in which a frame drives 10 m for each second."""
     buffer = TransformBuffer(10**18)

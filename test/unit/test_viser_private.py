@@ -90,10 +90,3 @@ def test_serve_takes_what_guards_it():
     assert {'process_request', 'max_size', 'kwargs'} <= {
         *inspect.signature(websockets_server.serve.__init__).parameters}
     assert 'sock' in inspect.signature(asyncio.BaseEventLoop.create_server).parameters
-
-
-def test_headers_are_read_by_all_their_values():
-    """Requests are checked by `get_all`, which returns each value of a header."""
-    headers = websockets.Headers([('Host', 'a'), ('Host', 'b')])
-    assert headers.get_all('Host') == ['a', 'b']
-    assert headers.get_all('Origin') == []
