@@ -131,8 +131,7 @@ class Trail:
         :param shift: the position of the target in the scene (m).
         :returns: lines in the scene, none at unknown times.
         """
-        begin = max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE)
-        self._track.extend(target, frame, begin, end - 1)
+        self._track.extend(target, frame, max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE), end)
         points = np.concatenate([self._track.poses[:, :3], [point]]) + shift
         lines = np.stack([points[:-1], points[1:]], axis=1)
         known = (np.abs(lines) <= REACH).all(axis=(1, 2))

@@ -62,12 +62,11 @@ class _Robot:
 
     def lines(self) -> list[str]:
         description = self.description
-        lines = [f'{description.name} on {self.topic}: {self.found} of '
-                 f'{len(description.links)} links have a frame']
-        if self.prefix:
-            lines[0] += f', with the prefix {self.prefix}'
+        found = (f'{description.name} on {self.topic}: {self.found} of {len(description.links)} '
+                 'links have a frame')
+        with_prefix = f', with the prefix {self.prefix}' * bool(self.prefix)
         missing = Counter(self.problems.values())
-        return [*lines, *description.warnings, *(
+        return [found + with_prefix, *description.warnings, *(
             f'{_meshes(count)}{package} {"is" if count == 1 else "are"} missing: {REMEDY}'
             for package, count in missing.items() if package is not None)]
 

@@ -111,9 +111,8 @@ class Rows:
         self.clicks: deque[Any] = deque(maxlen=1)
 
     async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
-        number, rows = self._buttons.index(event.target), self._rows
-        if number < len(rows):
-            self.clicks.append(rows[number].key)
+        number = self._buttons.index(event.target)
+        self.clicks += [row.key for row in self._rows[number:number + 1]]
 
     def show(self, rows: Sequence[Row]) -> None:
         """Show these rows; all of them have a text, or none."""

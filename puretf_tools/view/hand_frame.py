@@ -96,7 +96,7 @@ class HandFrame:
         problem = _problem(transform, placement)
         if self._publisher:
             self._publish(transform, problem, self._publisher)
-        elif not problem and name in placement.frames:
+        elif name in placement.frames:
             problem = f'the bag has a frame {name} already'
         *refused, why = self._refusal
         shown = (refused == [name, parent] and why) or (problem if name else '')

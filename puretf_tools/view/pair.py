@@ -39,8 +39,7 @@ class Pair:
         self.use(feed.buffer)
         self._selected = selected
         self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
-        self._take = gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP))
-        self._take.on_click(self._on_take)
+        gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP)).on_click(self._on_take)
         self._numbers = gui.add_html('')
         self._span = settings.control(
             gui.add_dropdown('Plot over', _BAG if feed.player else _LIVE))
@@ -83,8 +82,8 @@ class Pair:
         a, b = self.frames
         for choice in self.choices:
             choice.propose('')
-        if is_new := (a, b, self._span.value) != self._key:
-            self._key = a, b, self._span.value
+        key = a, b, self._span.value
+        is_new, self._key = key != self._key, key
         if not a or not b or a == b:
             self._show_numbers('A and B are the same frame.' if a == b != '' else '', None)
             self._show_plots(None)

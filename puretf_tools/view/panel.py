@@ -110,8 +110,7 @@ class Panel:
     def _add_view_controls(self, gui: viser.GuiApi) -> None:
         gui.add_button('Copy view').on_click(self._on_copy)
         self._copied = gui.add_html('')
-        self._paste = gui.add_text('Paste view', '')
-        self._paste.on_update(self._on_paste)
+        gui.add_text('Paste view', '').on_update(self._on_paste)
         self._problem = gui.add_html('')
         gui.add_button('Reset view').on_click(self._on_reset_view)
 

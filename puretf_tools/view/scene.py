@@ -194,8 +194,9 @@ class Scene:
             if (depth > 0.0 and 0.0 <= x - left <= _LETTER * (len(text) + 2)
                     and 0.0 <= bottom - y <= 2 * _HALF_LINE):
                 return name
-        drawn = [i for i, name in enumerate(placement.names) if name in display.shown(placement)]
-        if not drawn or not display.with_axes:
+        shown = display.shown(placement) if display.with_axes else ()
+        drawn = [i for i, name in enumerate(placement.names) if name in shown]
+        if not drawn:
             return ''
         turns = viser.transforms.SO3(placement.poses[drawn][:, [6, 3, 4, 5]]).as_matrix()
         # (n, 3, k, 3): points along the axes.

@@ -29,7 +29,6 @@ def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
     server = Server(listening, partial(
         why_refused, is_loopback=ip_address(listening.getsockname()[0]).is_loopback))
     try:
-        server.gui.configure_theme(show_share_button=False)
         print('\n'.join(address_lines(*listening.getsockname()[:2])))
         yield server
     finally:

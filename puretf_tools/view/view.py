@@ -97,7 +97,6 @@ class View:
                 if not viewer.pace.is_waiting:
                     viewer.update(place, until, now, descriptions)
             except Exception as error:  # whatever the data of one viewer raise, the others stay
-                viewer.pace.is_waiting = True  # for ever
                 self._server.end_session(number, error)
         if not until and not place.cache_info().currsize:
             self._watcher.watch()

@@ -240,10 +240,11 @@ def test_names_that_a_terminal_would_not_print(shown, buffer):
     assert names['transform'].child_frame_id == 'tool\x1b\n'
 
 
-@pytest.mark.parametrize('x', [1e300, float('inf')])
+@pytest.mark.parametrize('x', [1e300, 1.7e308, float('inf')])
 def test_a_pair_that_is_far(shown, buffer, x):
     """Numbers that are not finite are not plotted."""
-    buffer.insert(0, 'map', 'base', (x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), is_static=True)
+    for parent, child in ('map', 'mid'), ('mid', 'base'):
+        buffer.insert(0, parent, child, (x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), is_static=True)
     shown.choose('map', 'base')
     assert shown.rows()[0] == ['all times']
     shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))

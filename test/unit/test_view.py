@@ -317,6 +317,7 @@ def test_a_trail():
         point = np.array([second, 1.0, 0.0]) * (1.0 if frame == 'hand' else -1.0)
         *_, last = often.draw(target, frame, T + second * S, point).values()
         assert last[-1, 1].tolist() == point.tolist()
+    assert not often.draw('map', 'hand', T + 10**9 * S, point)  # by no more points than in 20 s
     assert not len(often.draw('map', 'still', 0, np.zeros(3)))
     for second in 0, 1:
         buffer.insert(T + second * S, 'map', 'far', pose(1e7))
@@ -606,6 +607,12 @@ def test_the_camera_and_a_frame_that_is_far(page):
     shown.until(lambda: 0.0 < viewer.distance() < 30.0)
     target = viewer.last['SetCameraLookAtMessage']['look_at']
     assert np.linalg.norm(np.subtract(viewer.names()['tip'], target)) < 10.0
+    shown.set('Frame', 'utm')
+    shown.step()
+    viewer.last.clear()
+    viewer.press('F')
+    shown.step()
+    assert not viewer.distance()
 
 
 def place_in_scene(viewer, name):
