@@ -44,11 +44,7 @@ class Display(NamedTuple):
 
 def axes(placement: Placement, display: Display, selected: Collection[str] = ()
          ) -> tuple[Floats, Floats, Floats]:
-    """
-    Return the axes of all n frames; those of selected ones are larger.
-
-    :returns: (n, 3): x, y, z (m); (n, 4): quaternions w, x, y, z; (n,): scales; 0.0: not drawn.
-    """
+    """Return of all axes: x, y, z (m), w, x, y, z, and the scale (0.0: they are not drawn)."""
     shown = display.shown(placement)
     scales = fading(placement)[1] * [
         (_SELECTED if name in selected else 1.0) * (name in shown) for name in placement.names]
@@ -56,11 +52,7 @@ def axes(placement: Placement, display: Display, selected: Collection[str] = ()
 
 
 def lines(placement: Placement, display: Display) -> tuple[Floats, NDArray[np.uint8]]:
-    """
-    Return the lines of those m frames that are drawn, to their parents.
-
-    :returns: (m, 2, 3): x, y, z (m) of the frame and of its parent; (m, 2, 3): the colours there.
-    """
+    """Return (m, 2, 3): the lines to parents, x, y, z (m) of both ends; and the colours there."""
     shown = display.shown(placement)
     drawn = [i for i, name in enumerate(placement.names)
              if placement.parents[i] >= 0 and name in shown]
@@ -88,7 +80,7 @@ def fading(placement: Placement) -> tuple[Floats, Floats]:
 
 
 class Track:
-    """Poses of a frame in another one over time; each call adds those that are new."""
+    """Poses over time: (n, 7), x, y, z (m), quaternion; each call adds those that are new."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
         self._buffer = buffer
@@ -96,11 +88,7 @@ class Track:
         self.times, self.poses = np.empty(0, np.int64), np.empty((0, 7))
 
     def extend(self, target: str, frame: str, begin: int, end: int, step: int = STEP) -> None:
-        """
-        Let `times` (ns) go from `begin` to `end`; (n, 7) `poses`: x, y, z (m), quaternion.
-
-        Poses that the buffer has dropped since the last call stay. Unknown ones are NaN.
-        """
+        """Let `times` (ns) go from `begin` to `end`; of `poses`, unknown ones are NaN."""
         key, times = (target, frame, step), self.times
         if key != self._key or (len(times) and not (
                 begin <= times[-1] <= end and times[0] <= begin + step)):

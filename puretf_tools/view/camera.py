@@ -60,13 +60,7 @@ class FirstCamera:
             self._points = points[np.unique(np.argmax(points @ _DIRECTIONS, axis=0))]
 
     def update(self, points: Callable[[], Floats], now: float) -> None:
-        """
-        Move the cameras, if it is time to.
-
-        :param points: returns those of the frames that are drawn: (n, 3), x, y, z in the scene
-            (m).
-        :param now: on the monotonic clock (s).
-        """
+        """Move the cameras, if it is time to; `points`: of the frames, (n, 3) in the scene (m)."""
         if self.is_over:
             return
         if self._due != []:

@@ -40,12 +40,7 @@ class Animation:
         return self.moments[-1][0] - self.moments[0][0] if self.moments else 0.0
 
     def add(self, time: float, until: int = 0) -> None:
-        """
-        Add a moment, if there are frames.
-
-        :param time: when it is, after the moments before (s).
-        :param until: the time of a bag (ns); 0: the frames are live.
-        """
+        """Add a moment (s), if there are frames; `until`: the time of a bag (ns), or 0."""
         self._feed.descriptions()  # it searches for them
         placement = self._watcher.placement('', until)
         if placement.names:
@@ -67,11 +62,7 @@ class Animation:
                 show_progress(player.position)
 
     def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
-        """
-        Return the page; there must be a moment.
-
-        :param on_progress: called with the time of each moment, in seconds after the first one.
-        """
+        """Return the page; `on_progress` is called with the time of each moment (s)."""
         server = Server(create_server(('127.0.0.1', 0)), lambda headers: 'there is no page here')
         try:
             descriptions, follow = self._feed.descriptions(), self._feed.follow

@@ -155,12 +155,7 @@ class Feed:
         return {}
 
     def publication(self, frame: Frame) -> tuple[Optional[float], str]:
-        """
-        Return how a frame is published.
-
-        :returns: the average time from stamp to reception (s; None: not known), and the names of
-            the nodes that publish it; for a bag, the authority.
-        """
+        """Return the average delay of a frame (s; None: not known), and who publishes it."""
         raise NotImplementedError
 
     def time_text(self, stamp: int) -> str:

@@ -212,6 +212,9 @@ def test_the_findings_of_a_bag(clock, buffer):
         clock[0] += 1.0
         shown.until(lambda: 'play' in viewer.get('Play', 'options'))
         assert feed.player.position == 3.0
+        feed.findings = [finding('many', frames=('base', *'abcdefghij'))]
+        shown.until(lambda: 'many: base, a, b and 8 more' in labels()
+                    and not any('⚠' in label for label in labels()))
 
 
 def test_a_bag_that_is_still_read(controls, buffer):
