@@ -205,7 +205,8 @@ def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
     assert_numbers_are_those_of_a_lookup(page, buffer)
     page.until(lambda: np.allclose(
         (scene := page.scene()).trail[-1, 1], scene.names['end_effector'], atol=0.05))
-    picture = artefact(request, tmp_path, 'web_view.png')
+    results = request.config.option.xmlpath  # the picture is kept beside those of the tests
+    picture = (Path(results).parent if results else tmp_path) / 'web_view.png'
     page.page.screenshot(path=picture)
     assert_arm_is_seen(iio.imread(picture))
     page.tick('Pause', False)
@@ -227,12 +228,6 @@ def assert_numbers_are_those_of_a_lookup(page, buffer):
     assert shown * np.sign(shown @ quaternion) == pytest.approx(quaternion, abs=5.01e-5)
     assert page.numbers('fixed-rpy') == pytest.approx(
         [*map(degrees, euler_from_quaternion(quaternion))], abs=5.01e-3)
-
-
-def artefact(request, tmp_path, name):
-    """Return the path of a file that is kept beside the results of the tests, if these are."""
-    results = request.config.option.xmlpath
-    return (Path(results).parent if results else tmp_path) / name
 
 
 def assert_arm_is_seen(picture):

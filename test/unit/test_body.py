@@ -480,18 +480,6 @@ def test_the_unit_of_collada_is_the_metre(tmp_path, unit):
     assert load(tmp_path / 'a.dae').vertices.max(axis=0).tolist() == [100, 100, 0]
 
 
-def test_instances_of_nodes(tmp_path):
-    """Each is placed; the mesh is 1 m large, and two of its four instances are 5 m aside."""
-    pair = '<instance_node url="#one"/><node id="two"><translate>5 0 0</translate>{}</node>'
-    (tmp_path / 'a.dae').write_text(dae(
-        libraries=f'<library_nodes><node id="pair">{pair.format(INSTANCE)}</node>'
-                  f'<node id="one">{INSTANCE}</node></library_nodes>',
-        scene='<instance_node url="#pair"/><instance_node url="#pair"/>'))
-    mesh = load(tmp_path / 'a.dae')
-    assert sorted(mesh.vertices[:, 0].tolist()) == [0] * 4 + [1] * 2 + [5] * 4 + [6] * 2
-    assert len(mesh.faces) == 4
-
-
 def test_a_mesh_that_takes_too_much(tmp_path):
     """Time or memory: its process ends, and the next mesh is loaded by another one."""
     nodes = ''.join(f'<node id="d{i + 1}">{2 * f"""<instance_node url="#d{i}"/>"""}</node>'
@@ -528,13 +516,6 @@ def test_without_pycollada_a_collada_mesh_names_it(tmp_path):
         **os.environ, 'PYTHONPATH': os.pathsep.join([str(tmp_path), *filter(None, sys.path)])})
     assert done.stdout == (
         '.dae files need pycollada: pip install pycollada, or convert it to .stl\n')
-
-
-def test_a_pointer_of_git_lfs():
-    """It stands for a file that was not downloaded."""
-    path = DATA / 'robots' / 'lfs_pointer.stl'
-    with pytest.raises(MeshError, match=f'^{path} is a Git LFS pointer: git lfs pull$'):
-        load(path)
 
 
 def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):

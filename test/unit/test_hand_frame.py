@@ -11,7 +11,6 @@ from puretf import Transform, TransformBuffer
 pytest.importorskip('viser')
 from viewer import Page, StubFeed
 
-from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import BagFeed
 from puretf_tools.view.viser_private import HANDLES
 
@@ -172,12 +171,3 @@ def test_a_page_without_a_name_has_no_handles(buffer):
         page.until(lambda: text(page, 'hand') == 'the bag has a frame tree already')
         page.viewer.set('New frame', '<b>')
         page.until(lambda: "--child-frame-id '<b>'" in text(page, 'command'))
-
-
-def test_the_texts_that_are_copied():
-    """No number has an exponent."""
-    transform = Transform(0, 'map', "it's: é", (1.0, 1e-6, -0.0), (0.0, 0.0, -HALF, HALF))
-    numbers = zip(('x', 'y', 'z', 'roll', 'yaw'), (*transform.translation, 0.0, -pi / 2))
-    assert command_line(transform.frame_id, transform.child_frame_id, numbers) == (
-        'static_transform_publisher --x 1.0 --y 1e-06 --yaw -1.570796327 --frame-id map '
-        """--child-frame-id 'it'"'"'s: é'""")

@@ -279,7 +279,6 @@ def test_axes_and_lines():
 def test_fading_as_in_rviz(clock):
     """Of the timeout a frame keeps its colour for a third, turns grey, and then vanishes."""
     watcher, found = FrameWatcher(chain('map', 'base'), lambda: clock[0]), []
-    watcher.watch()
     for seconds in 0.0, 10.0, 5.0, 5.0, 5.0:
         clock[0] += seconds
         placement = watcher.placement('', 0, 30.0)
