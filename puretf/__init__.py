@@ -16,23 +16,8 @@ if TYPE_CHECKING:
     from puretf._text.times import SECOND as SECOND
     from puretf.buffer import Buffer as Buffer
     from puretf.buffer_core import BufferCore as BufferCore
-    from puretf.buffer_interface import BufferInterface as BufferInterface
-    from puretf.buffer_interface import convert as convert
-    from puretf.buffer_interface import ConvertRegistration as ConvertRegistration
-    from puretf.buffer_interface import MsgStamped as MsgStamped
-    from puretf.buffer_interface import NotImplementedException as NotImplementedException
-    from puretf.buffer_interface import PyKDLType as PyKDLType
-    from puretf.buffer_interface import Stamped as Stamped
-    from puretf.buffer_interface import TransformableObject as TransformableObject
-    from puretf.buffer_interface import TransformableObjectType as TransformableObjectType
-    from puretf.buffer_interface import TransformRegistration as TransformRegistration
-    from puretf.buffer_interface import TypeException as TypeException
-    from puretf.exceptions import ConnectivityException as ConnectivityException
-    from puretf.exceptions import ExtrapolationException as ExtrapolationException
-    from puretf.exceptions import InvalidArgumentException as InvalidArgumentException
-    from puretf.exceptions import LookupException as LookupException
-    from puretf.exceptions import TimeoutException as TimeoutException
-    from puretf.exceptions import TransformException as TransformException
+    from puretf.buffer_interface import *  # noqa: F403
+    from puretf.exceptions import *  # noqa: F403
     from puretf.message_filter import FilterFailureReason as FilterFailureReason
     from puretf.message_filter import MessageFilter as MessageFilter
     from puretf.static_transform_broadcaster import (

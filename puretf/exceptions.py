@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from typing import Any, Optional, TypeVar
 
-_Error = TypeVar('_Error', bound='TransformException')
+__all__ = ['ConnectivityException', 'ExtrapolationException', 'InvalidArgumentException',
+           'LookupException', 'TimeoutException', 'TransformException']
 
+_Error = TypeVar('_Error', bound='TransformException')
 
 #: Returns what follows tf2's words in an error, and the codes of the causes.
 Explanation = Callable[[Any], tuple[str, tuple[str, ...]]]

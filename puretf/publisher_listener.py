@@ -17,8 +17,8 @@ from puretf._core.frames import Frame
 from puretf._core.pose import BatchOrRows
 from puretf._ros.graph import gid_of, node_of, nodes_on
 from puretf._ros.other_topics import TransformSampler
-from puretf._ros.rclpy_private import is_given
-from puretf._ros.subscription import SubscriptionSource, taker, TopicSubscription
+from puretf._ros.rclpy_private import is_given, Taker
+from puretf._ros.subscription import SubscriptionSource, TopicSubscription
 from puretf._ros.topic_watch import Publishers, ReceivedMessage, TopicReader, TopicWatch
 from puretf._text.names import TF_MESSAGE
 from puretf.transform_listener import TransformListener
@@ -64,11 +64,11 @@ class _GidSource(SubscriptionSource):
     def __init__(self, *args: Any, publishers: Publishers, kept: _Kept) -> None:
         super().__init__(*args)
         self._publishers, self._kept = publishers, kept
-        self._takers = {each: taker(each.handle, ReceivedMessage.of)
-                        for each in self._subscriptions}
+        self._takers = {each: Taker(each.handle) for each in self._subscriptions}
 
     def _take(self, subscription: TopicSubscription) -> list[ReceivedMessage]:
-        return self._takers[subscription].take(subscription.max_messages)
+        taken = self._takers[subscription].take(subscription.max_messages)
+        return [ReceivedMessage.of(*each) for each in taken]
 
     def _read(self, subscription: TopicSubscription, messages: list[Any]) -> list[BatchOrRows]:
         for message in messages:

@@ -11,13 +11,14 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from puretf._core.composition import normalize_poses
 from puretf._core.times import nanoseconds_or_int
 from puretf._ros.graph import broadcast
 from puretf._ros.qos import check_node, create_publisher, profile, TF
 from puretf._ros.transform_stamped import (
     as_list,
     check_edge,
-    check_poses,
+    check_pose,
     explain_bad_fields,
     fields_to_send,
 )
@@ -116,5 +117,7 @@ class PreparedTransforms:
         """
         values = np.asarray(poses, np.float64)
         data = self._packet.pack(nanoseconds_or_int(stamp), values)
-        check_poses(self.edges, values)
+        if not normalize_poses(values.copy()):
+            for edge, pose in zip(self.edges, values.tolist()):
+                check_pose(*edge, pose)
         self._publisher.publish(data)

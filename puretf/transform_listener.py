@@ -82,7 +82,10 @@ class TransformListener:
         self._start = monotonic()
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
-        self._buffer, self._engine = buffer, _engine_or_none(buffer)
+        self._buffer = buffer
+        self._engine: Optional[Engine] = None
+        with suppress(TypeError):  # another buffer
+            self._engine = engine_of(buffer)
         self._uses_callbacks = (
             self._engine is None
             or _overrides(self, [TransformListener], 'callback', 'static_callback')
@@ -243,13 +246,6 @@ def _blocked(reference: ref[TransformListener]) -> Mapping[str, Blocked]:
         with suppress(Exception):  # the node is destroyed
             return blocked_nodes(listener.node)
     return {}
-
-
-def _engine_or_none(buffer: Any) -> Optional[Engine]:
-    try:
-        return engine_of(buffer)
-    except TypeError:
-        return None
 
 
 def _overrides(instance: Any, bases: list[type], *names: str) -> bool:

@@ -127,8 +127,9 @@ class Engine:
         is_held = self.is_held()
         with self.lock:
             if not is_held:
-                if self._is_changing:
-                    self._mend()
+                if self._is_changing:  # the change was interrupted
+                    self.insertion.mend()
+                    self._is_changing = False
                 for source in self._sources:
                     if batches := source.take():
                         self._insert(batches)
@@ -236,11 +237,6 @@ class Engine:
             raise error
         return is_urgent
 
-    def _mend(self) -> None:
-        """Drop the data that an interrupted change has left inconsistent; the lock is held."""
-        self.insertion.mend()
-        self._is_changing = False
-
     # Lookups
 
     def reading(self) -> AbstractContextManager[Any]:
@@ -252,17 +248,11 @@ class Engine:
         if self._sources:
             self.update_for_user()
         if self._is_changing:
-            self._end_change()
+            if self.is_held():
+                raise TransformException('This lookup has interrupted an insertion, as in a '
+                                         'signal handler; look up later')
+            self.update()  # waits for the end of a change in another thread
         return self.lock
-
-    def _end_change(self) -> None:
-        """Wait for the end of a change in another thread; mend the data if it was interrupted."""
-        if self.is_held():
-            raise TransformException('This lookup has interrupted an insertion, as in a signal '
-                                     'handler; look up later')
-        with self.lock:
-            if self._is_changing:
-                self._mend()
 
     def wait(self, times: Sequence[Any], timeout: float, lookup: Callable[..., _Result],
              *arguments: Any) -> _Result:

@@ -346,15 +346,15 @@ class History:
         return [self.stamps[i] for i in range(self.start + 1, len(parents))
                 if parents[i] != parents[i - 1]]
 
-    def stamps_between(self, begin: int, end: int, beyond: int = 0) -> NDArray[np.int64]:
+    def stamps_around(self, begin: int, end: int) -> NDArray[np.int64]:
         """
-        Return the stamps (ns) from `begin` to before `end`; a stamp may occur several times.
+        Return the stamps (ns) from `begin` to before `end`, and the nearest on both sides.
 
-        :param beyond: how many stamps before and after are returned, too.
+        A stamp may occur several times.
         """
         first = bisect_left(self.stamps, begin, self.start)
-        last = bisect_left(self.stamps, end, first) + beyond
-        return np.array(self.stamps[max(first - beyond, self.start):last], np.int64)
+        last = bisect_left(self.stamps, end, first)
+        return np.array(self.stamps[max(first - 1, self.start):last + 1], np.int64)
 
     def distance_to(self, time: int) -> int:
         """Return how far a time is before the oldest or after the newest sample (ns)."""

@@ -166,24 +166,16 @@ class FrameTree:
     def chains_to_meeting(self, source: str, target: str, time: int = END
                           ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
         """
-        Follow the parents of two frames, alternately one step each, until the chains meet.
+        Follow the parents of two frames: those nearest to a time (ns), by default the newest.
 
-        Follow the parents nearest to a time (ns), by default the newest. Return the chain of each
-        frame as the keys of a dict, and the frame at which they meet (or None).
+        Return the chain of each frame as the keys of a dict, and the first frame of the second
+        chain that is in the first one (or None).
         """
-        chains: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
-        ends: list[Optional[str]] = [source, target]
-        turn = 0
-        while ends[0] or ends[1]:
-            if end := ends[turn]:
-                history = self.histories[end]
+        chains: tuple[dict[str, None], dict[str, None]] = {}, {}
+        for chain, frame in zip(chains, (source, target)):
+            parent: Optional[str] = frame
+            while parent and parent not in chain:  # or a loop
+                chain[parent] = None
+                history = self.histories[parent]
                 parent = None if history is None else history.parent_near(time)
-                if parent in chains[turn]:  # a loop
-                    parent = None
-                if parent:
-                    chains[turn][parent] = None
-                    if parent in chains[1 - turn]:
-                        return *chains, parent
-                ends[turn] = parent
-            turn = 1 - turn
-        return *chains, None
+        return *chains, next(filter(chains[0].__contains__, chains[1]), None)

@@ -1,6 +1,6 @@
 """The velocity of a frame, from its poses at two times."""
 
-from math import acos, atan2, floor, hypot, sqrt
+from math import acos, atan2, copysign, floor, hypot, sqrt
 import sys
 
 from puretf._core.composition import compose, inverse, signed
@@ -34,9 +34,7 @@ def twist(lookups: Lookups, target: str, source: str, time: int, interval: int) 
     *_, x, y, z, w = compose(_rotation(after), inverse(_rotation(before)))
     sine = hypot(x, y, z)
     # q and -q are the same rotation; with a negative w, it would be the longer way round.
-    rate = 2.0 * atan2(sine, abs(w)) / sine / seconds if sine else 0.0
-    if w < 0.0:
-        rate = -rate
+    rate = copysign(2.0 * atan2(sine, abs(w)), w) / sine / seconds if sine else 0.0
     return Twist(_scaled(_difference(after, before), 1.0 / seconds), _scaled((x, y, z), rate))
 
 

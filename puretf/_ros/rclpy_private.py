@@ -10,7 +10,7 @@ import ctypes
 from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache, partial
 from itertools import islice
-from typing import Any, Generic, Optional, TypeVar
+from typing import Any, Optional
 from weakref import finalize
 
 from rclpy.callback_groups import CallbackGroup
@@ -36,8 +36,9 @@ from puretf._ros.transform_stamped import deserialize, serialize
 from puretf._text.times import SECOND
 from puretf._wire.cdr import MalformedMessage
 
-_Taken = TypeVar('_Taken')
-
+#: A message: its bytes, the gid of its publisher (hex), and the times of reception and of sending
+#: (ns). What is not known is '' or 0.
+Taken = tuple[bytes, str, int, int]
 #: The exception that rclpy's compiled part raises if rcl returns an error code.
 RCLError = _rclpy.RCLError
 #: WaitSet(subscriptions, guard conditions, timers, clients, services, events, context), with the
@@ -235,46 +236,49 @@ def rmw_subscription(handle: Any) -> Any:
         return get(handle.pointer).contents
 
 
-class Taker(Generic[_Taken]):
+class Taker:
     """An object that takes messages, each with the gid of its publisher, which rclpy hides."""
 
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
-        """
-        Create the structs into which rcl writes; `rcl_take` must not return None.
-
-        :param make: a function that converts the bytes of a message, the gid of the publisher
-            (hex), and the times of reception and of sending (ns); each is 0 if it is not known.
-        """
-        self._handle, self._make, self._take = handle, make, rcl_take()
+    def __init__(self, handle: Any) -> None:
+        """Create the structs into which rcl writes; without `rcl_take`, no gid is known."""
+        self._handle, self._take = handle, rcl_take()
         is_cyclone = get_rmw_implementation_identifier() == cyclone_dds.IDENTIFIER
-        self._gid_of = cyclone_dds.gid_translator(
-            rmw_subscription(handle).data) if is_cyclone else None
         #: False if the time of reception is the time at which the message is taken.
         self.has_reception_times = not is_cyclone
+        self._received = 0  # the last time of reception (ns)
+        if self._take is None:
+            return
+        self._gid_of = cyclone_dds.gid_translator(
+            rmw_subscription(handle).data) if is_cyclone else None
         rcutils = ctypes.PyDLL('librcutils.so')
         rcutils.rcutils_get_default_allocator.restype = _Allocator
         self._bytes = _Bytes(allocator=rcutils.rcutils_get_default_allocator())
         self._info = _MessageInfo()
-        self._received = 0  # the last time of reception (ns)
         finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
-    def take(self, max_messages: int) -> list[_Taken]:
+    def take(self, most: int) -> list[Taken]:
         """Take the messages that have arrived; only one thread at a time may call this."""
-        messages, written, info = [], self._bytes, self._info
-        with self._handle:
-            for _ in range(max_messages):
-                code = self._take(self._handle.pointer, written, info, None)
-                if code == _TAKE_FAILED:
-                    break
-                if code:
-                    raise RCLError(f'rcl_take_serialized_message failed with code {code}')
-                gid = bytes(info.gid).hex()
-                # For Fast DDS 3, the first messages of a publisher come after those that follow.
-                if not 0 < self._received - info.received_timestamp < SECOND:
-                    self._received = info.received_timestamp
-                messages.append(self._make(
-                    ctypes.string_at(written.buffer, written.length),
-                    self._gid_of(gid) if self._gid_of else gid, self._received,
-                    info.source_timestamp))
-        return messages
+        if self._take is None:
+            taken = [(data, '', info['received_timestamp'] or 0, info['source_timestamp'] or 0)
+                     for data, info in take_bytes(self._handle, most)]
+        else:
+            with self._handle:
+                taken = [*islice(iter(self._take_one, None), most)]
+        # For Fast DDS 3, the first messages of a publisher come after those that follow.
+        for i, (data, gid, received, sent) in enumerate(taken):
+            if not 0 < self._received - received < SECOND:
+                self._received = received
+            taken[i] = data, gid, self._received, sent
+        return taken
 
+    def _take_one(self) -> Optional[Taken]:
+        written, info = self._bytes, self._info
+        code = self._take(self._handle.pointer, written, info, None)
+        if code == _TAKE_FAILED:
+            return None
+        if code:
+            raise RCLError(f'rcl_take_serialized_message failed with code {code}')
+        gid = bytes(info.gid).hex()
+        return (ctypes.string_at(written.buffer, written.length),
+                self._gid_of(gid) if self._gid_of else gid, info.received_timestamp,
+                info.source_timestamp)

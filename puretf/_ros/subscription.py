@@ -7,7 +7,7 @@ from operator import itemgetter
 import sys
 from threading import RLock
 from time import monotonic
-from typing import Any, Generic, Optional, TypeVar, Union
+from typing import Any, Optional
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.logging import get_logger
@@ -15,16 +15,9 @@ from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 
 from puretf._core.pose import BatchOrRows
-from puretf._ros.rclpy_private import (
-    incompatible_qos,
-    rcl_take,
-    RCLError,
-    take_bytes,
-    Taker,
-)
+from puretf._ros.rclpy_private import incompatible_qos, RCLError, take_bytes
 from puretf._wire.message_reader import MessageReader
 
-_Taken = TypeVar('_Taken')
 #: The authority that the Python listener of tf2_ros passes with every transform.
 AUTHORITY = 'default_authority'
 #: The time between two checks for incompatible publishers (s).
@@ -36,26 +29,6 @@ _MAX_MESSAGES = 1000
 _LONGEST_PAUSE = 0.1
 #: The rate (messages/s) up to which the thread does not pause.
 _LOW_RATE = 100.0
-
-
-class _PlainTaker(Generic[_Taken]):
-    """Takes messages as a `Taker` does, but without gids, where rcl cannot be called."""
-
-    has_reception_times = False
-
-    def __init__(self, handle: Any, make: Callable[[bytes, str, int, int], _Taken]) -> None:
-        self._handle, self._make = handle, make
-
-    def take(self, max_messages: int) -> list[_Taken]:
-        return [self._make(data, '', info['received_timestamp'] or 0,
-                           info['source_timestamp'] or 0)
-                for data, info in take_bytes(self._handle, max_messages)]
-
-
-def taker(handle: Any, make: Callable[[bytes, str, int, int], _Taken]
-          ) -> Union[Taker[_Taken], _PlainTaker[_Taken]]:
-    """Return what takes messages of a subscription: see `Taker`."""
-    return (Taker if rcl_take() else _PlainTaker)(handle, make)
 
 
 class TopicSubscription:

@@ -11,8 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from puretf._causes.facts import UNKNOWN
 from puretf._core.pose import Row
 from puretf._ros.graph import nodes_by_gid
-from puretf._ros.rclpy_private import subscribe
-from puretf._ros.subscription import taker
+from puretf._ros.rclpy_private import subscribe, Taker
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
 
@@ -115,14 +114,14 @@ class TopicReader(Publishers):
         self._last_take, self._delay = self.begin, 2**63
         self._subscription = subscribe(
             node, message_type, topic, lambda _: None, qos, node.default_callback_group)
-        self._taker = taker(self._subscription.handle, ReceivedMessage.of)
+        self._taker = Taker(self._subscription.handle)
         self.topic: str = self._subscription.topic_name  #: after remapping
         super().__init__(node, [topic])
 
     def take(self) -> list[ReceivedMessage]:
         """Take the messages in the queue."""
         last, self._last_take = self._last_take, time_ns()
-        messages = self._taker.take(self._depth)
+        messages = [ReceivedMessage.of(*each) for each in self._taker.take(self._depth)]
         if not self._taker.has_reception_times:
             # They are estimated, since a message may have arrived at any time since the last call.
             for each in messages:

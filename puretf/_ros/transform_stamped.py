@@ -1,6 +1,7 @@
 """Conversions and checks of messages of the type `geometry_msgs/msg/TransformStamped`."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from functools import lru_cache
 import math
@@ -11,11 +12,10 @@ from typing import Any, Optional, Union
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.time import Time as ClockTime
 from std_msgs.msg import Header
 
+from puretf._core.composition import normalized
 from puretf._core.pose import Row
 from puretf._core.times import written
 from puretf._text.names import abbreviated
@@ -113,29 +113,24 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     return message
 
 
-class explain_bad_fields:  # noqa: N801
+@contextmanager
+def explain_bad_fields(messages: Sequence[TransformStamped], accepts_clock_time: bool = False
+                       ) -> Iterator[None]:
     """
-    A context manager that replaces errors by a ValueError that names the bad field.
+    Replace errors by a ValueError that names the bad field, if a transform has one.
 
-    Errors stay as they are if no field of the transforms has a wrong value.
+    :param accepts_clock_time: a stamp may be a Time of rclpy.
     """
-
-    def __init__(self, messages: Sequence[TransformStamped], accepts_clock_time: bool = False
-                 ) -> None:
-        """Take the messages; `accepts_clock_time`: a stamp may be a Time of rclpy."""
-        self._messages, self._accepts_clock_time = messages, accepts_clock_time
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: Optional[type], *_: object) -> None:
-        if kind is not None and issubclass(kind, _FIELD_ERRORS):
-            for i, message in enumerate(self._messages):
-                if isinstance(message, TransformStamped) and (
-                        problem := _bad_field(message, self._accepts_clock_time)):
-                    raise ValueError(
-                        f'transform {i + 1} of {len(self._messages)}, to child '
-                        f'{abbreviated(repr(message.child_frame_id))}: {problem}') from None
+    try:
+        yield
+    except _FIELD_ERRORS:
+        for i, message in enumerate(messages, 1):
+            if isinstance(message, TransformStamped) and (
+                    problem := _bad_field(message, accepts_clock_time)):
+                raise ValueError(
+                    f'transform {i} of {len(messages)}, to child '
+                    f'{abbreviated(repr(message.child_frame_id))}: {problem}') from None
+        raise
 
 
 def _bad_field(message: TransformStamped, accepts_clock_time: bool) -> Optional[str]:
@@ -211,26 +206,12 @@ def check_edge(frame_id: str, child_frame_id: str) -> None:
 def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> None:
     """Raise a ValueError if a number is not finite, or the quaternion cannot be normalised."""
     x, y, z, qx, qy, qz, qw = pose
-    norm_squared = qx * qx + qy * qy + qz * qz + qw * qw
-    is_rotation = 0.0 < norm_squared < math.inf
-    if is_rotation and math.isfinite(x + y + z):
-        return
     if not all(map(math.isfinite, pose)):
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': every number must be finite, got "
             f'translation ({x}, {y}, {z}), rotation ({qx}, {qy}, {qz}, {qw})')
-    if not is_rotation:
+    if not math.isfinite(normalized(qx, qy, qz, qw)[3]):
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': the quaternion x, y, z, w = "
             f'({qx}, {qy}, {qz}, {qw}) cannot be normalised; use (0, 0, 0, 1) for no rotation')
 
-
-def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) -> None:
-    """Check many poses, (n, 7) float64 with n > 0, as `check_pose` does."""
-    rotations = poses[:, 3:]
-    with np.errstate(over='ignore', invalid='ignore'):
-        norms_squared = np.einsum('ij,ij->i', rotations, rotations)
-        if norms_squared.min() > 0.0 and math.isfinite(poses.sum() + norms_squared.sum()):
-            return
-    for edge, pose in zip(edges, poses.tolist()):
-        check_pose(*edge, pose)

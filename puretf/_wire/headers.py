@@ -5,6 +5,7 @@ from contextlib import suppress
 import struct
 from typing import Optional
 
+from puretf._text.names import is_too_long
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
 
@@ -20,11 +21,9 @@ class Headers:
     added.
     """
 
-    def __init__(self, encoding: Encoding = cdr, most: int = 20_000, most_bytes: int = 1_000_000
-                 ) -> None:
-        """Create an empty sample of at most `most` messages, whose names have `most_bytes`."""
-        self._most, self._most_bytes = most, most_bytes
-        self._header, self._size = encoding.header, 0
+    def __init__(self, encoding: Encoding = cdr, most: int = 20_000) -> None:
+        """Create an empty sample of at most `most` messages."""
+        self._most, self._header = most, encoding.header
         self.count = 0  #: the number of all messages
         self.step = 1  #: of so many messages, one is in the sample
         self.frames: dict[str, int] = {}  #: by name: the number of the frame
@@ -63,10 +62,10 @@ class Headers:
             self._learn(self._header(data)[1])
 
     def _learn(self, name: bytes) -> Optional[int]:
-        """Return the number of a frame; None if there are too many."""
+        """Return the number of a frame; None if there are too many, or its name is too long."""
         number = self._numbers.get(name)
-        if number is None and len(self._numbers) < _MOST_FRAMES and self._size <= self._most_bytes:
-            self._size += len(name)
+        if number is None and len(self._numbers) < _MOST_FRAMES:
             text = name.partition(b'\0')[0].decode('utf-8', 'replace')
-            number = self._numbers[name] = self.frames.setdefault(text, len(self.frames))
+            if not is_too_long(text):
+                number = self._numbers[name] = self.frames.setdefault(text, len(self.frames))
         return number

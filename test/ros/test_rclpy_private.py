@@ -187,7 +187,7 @@ def test_rcl_reports_the_gid_of_a_message(strings, ros):
     publisher, subscription = strings
     assert rcl_take() is not None
     messages: list[tuple[bytes, str, int, int]] = []
-    taker = Taker(subscription.handle, lambda *each: each)
+    taker = Taker(subscription.handle)
     assert not taker.take(10)
     for text in 'one', 'two', 'three':
         publisher.publish(String(data=text))

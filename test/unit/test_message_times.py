@@ -118,7 +118,7 @@ def test_the_cache_that_is_needed():
 
 def test_frames_without_times():
     """A frame counts once, however many messages have it."""
-    sample = Headers(most_bytes=100)
+    sample = Headers()
     for _ in range(100):
         sample.add_frame(header_of(T, 'laser'))
     sample.add_frame(header_of(T, 'camera'))

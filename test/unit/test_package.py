@@ -1,6 +1,7 @@
 """The package as a whole: metadata, commands, names."""
 
 import ast
+from importlib import import_module
 import re
 import subprocess
 import sys
@@ -74,9 +75,10 @@ def test_the_public_names():
     """They are at most 34, in the same modules for type checkers, and lead to no private one."""
     assert len(puretf.__all__) <= 34
     source = ast.parse((ROOT / 'puretf' / '__init__.py').read_text())
-    typed = {f'{node.module}.{each.name}' for node in ast.walk(source)
+    typed = {f'{node.module}.{name}' for node in ast.walk(source)
              if isinstance(node, ast.ImportFrom) and str(node.module).startswith('puretf.')
-             for each in node.names}
+             for each in node.names for name in (
+                 import_module(str(node.module)).__all__ if each.name == '*' else [each.name])}
     assert typed == {f'puretf.{module}.{name}' for name, module in puretf._MODULES.items()}
 
 
