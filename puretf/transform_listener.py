@@ -181,16 +181,16 @@ class TransformListener:
         for monitor in self._qos_monitors:
             monitor.check()
         assert self._engine is not None  # as always without callbacks
-        before, self._seen = self._seen, self._engine.update()
-        has_news, is_urgent = self._seen != before, False
-        if has_news:
-            try:
+        before, is_urgent = self._seen, False
+        try:
+            self._seen = self._engine.update()
+            if self._seen != before:
                 is_urgent = self._engine.after_insertion()
-            except BaseException as error:  # raised by a done callback of a future
-                self._on_fault(error)
+        except BaseException as error:  # such as that of a done callback of a future
+            self._on_fault(error)
         pause = self._source.next_pause()
         self._log.flush()
-        return has_news, is_urgent, 0.0 if self._engine.is_awaited else pause
+        return self._seen != before, is_urgent, 0.0 if self._engine.is_awaited else pause
 
     def _on_fault(self, error: BaseException) -> None:
         """Count malformed messages, and log each kind once; log other errors once a second."""

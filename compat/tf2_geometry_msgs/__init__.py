@@ -4,14 +4,10 @@ The names of tf2_geometry_msgs, from `puretf.geometry`, and the messages that th
 `Buffer.transform` works for these messages even if this module is not imported, unlike in tf2.
 """
 
+from _dummy_arm_tf2.stamped import *  # noqa: F403
 import _dummy_arm_tf2.submodules
-from geometry_msgs.msg import PointStamped as PointStamped
 from geometry_msgs.msg import PolygonStamped as PolygonStamped
 from geometry_msgs.msg import Pose as Pose
-from geometry_msgs.msg import PoseStamped as PoseStamped
-from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
-from geometry_msgs.msg import TransformStamped as TransformStamped
-from geometry_msgs.msg import Vector3Stamped as Vector3Stamped
 
 from puretf.geometry import do_transform_point as do_transform_point
 from puretf.geometry import do_transform_polygon_stamped as do_transform_polygon_stamped

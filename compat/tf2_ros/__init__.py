@@ -1,12 +1,8 @@
 """The names of tf2_ros, from `puretf`."""
 
+from _dummy_arm_tf2.stamped import *  # noqa: F403
 import _dummy_arm_tf2.submodules
 from _dummy_arm_tf2.unavailable import *  # noqa: F403
-from geometry_msgs.msg import PointStamped as PointStamped
-from geometry_msgs.msg import PoseStamped as PoseStamped
-from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
-from geometry_msgs.msg import TransformStamped as TransformStamped
-from geometry_msgs.msg import Vector3Stamped as Vector3Stamped
 from rclpy.duration import Duration as Duration
 from rclpy.node import Node as Node
 from rclpy.qos import QoSProfile as QoSProfile

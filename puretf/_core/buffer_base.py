@@ -138,12 +138,9 @@ class BufferBase:
         :returns: the text of the error; '' if there is a transform.
         :raises TypeError: if a frame is not a str.
         """
-        try:
-            with self._engine.reading():
-                self._engine.lookups.check(target_frame, source_frame, time)
-            return ''
-        except TransformException as error:
-            return str(error) if has_hint else tf2_words(error)
+        error = self._error_of(
+            [time], 0.0, self._engine.lookups.check, target_frame, source_frame, time)
+        return '' if error is None else str(error) if has_hint else tf2_words(error)
 
     @overload
     def lookup_transforms(

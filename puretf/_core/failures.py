@@ -109,8 +109,8 @@ def _explained(error: _Error, tree: FrameTree, symptom: Symptom, names: tuple[st
     """Copy what is known now; the rest is asked when the text is read, without the lock."""
     # A closure would cost more, since its cells are objects for the garbage collector.
     return exceptions.with_explanation(error, partial(
-        _explain, ref(tree), tree.look, () if edge.child else tree.names, symptom, names, roots,
-        time, edge))
+        _explain, ref(tree), tree.look, () if edge.child else tuple(tree.histories), symptom,
+        names, roots, time, edge))
 
 
 def _explain(tree_ref: ref[FrameTree], look: Look, known: tuple[str, ...], symptom: Symptom,

@@ -6,7 +6,6 @@ import math
 import struct
 import sys
 from time import monotonic_ns
-from traceback import format_exc
 from typing import Optional
 
 import numpy as np
@@ -122,41 +121,36 @@ class Insertion:
         """
         now, is_accepted = monotonic_ns(), True
         for batch in batches:
-            try:
-                if isinstance(batch, Rows):
-                    for stamp, parent, child, pose in batch.rows:
-                        is_accepted &= self.insert(
-                            stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
-                            batch.authority, batch.is_static)
+            if isinstance(batch, Rows):
+                for stamp, parent, child, pose in batch.rows:
+                    is_accepted &= self.insert(
+                        stamp, parent.removeprefix('/'), child.removeprefix('/'), pose,
+                        batch.authority, batch.is_static)
+                continue
+            for child in batch.children if batch.nanosec else ():
+                self._tree.note_refusal(child, 'nanosec', batch.authority, batch.nanosec)
+            number, count = len(batch.children), len(batch.stamps)
+            poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
+            is_finite = normalize_poses(poses)
+            by_frame = poses.reshape(count, number, 7).transpose(1, 0, 2).tobytes()
+            size = count * POSE_BYTES
+            for i, (parent, child) in enumerate(zip(batch.parents, batch.children)):
+                history = self._tree.histories.get(child)
+                if (is_finite and isinstance(history, History)
+                        and history.only_parent == parent
+                        and (length := len(history.stamps) - history.start)
+                        and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
+                                           batch.authority)):
+                    history.arrival = history.advance = now
+                    if now >= history.next_offset:
+                        history.note_offset()
+                    self._room += length - (length := len(history.stamps) - history.start)
+                    if self._room < 0 or length > self._max_samples_per_frame:
+                        self._drop_oldest(history, child, batch.authority)
                     continue
-                for child in batch.children if batch.nanosec else ():
-                    self._tree.note_refusal(child, 'nanosec', batch.authority, batch.nanosec)
-                number, count = len(batch.children), len(batch.stamps)
-                poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
-                is_finite = normalize_poses(poses)
-                by_frame = poses.reshape(count, number, 7).transpose(1, 0, 2).tobytes()
-                size = count * POSE_BYTES
-                for i, (parent, child) in enumerate(zip(batch.parents, batch.children)):
-                    history = self._tree.histories.get(child)
-                    if (is_finite and isinstance(history, History)
-                            and history.only_parent == parent
-                            and (length := len(history.stamps) - history.start)
-                            and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
-                                               batch.authority)):
-                        history.arrival = history.advance = now
-                        if now >= history.next_offset:
-                            history.note_offset()
-                        self._room += length - (length := len(history.stamps) - history.start)
-                        if self._room < 0 or length > self._max_samples_per_frame:
-                            self._drop_oldest(history, child, batch.authority)
-                        continue
-                    for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
-                        is_accepted &= self.insert(stamp, parent, child, _unpack_pose(packed),
-                                                   batch.authority, False)
-            except Exception:  # no memory, or a bug in this package: insert the other batches
-                self.log.warn_once('insertion', format_exc(), 1.0)
-                self.mend()
-                is_accepted = False
+                for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
+                    is_accepted &= self.insert(stamp, parent, child, _unpack_pose(packed),
+                                               batch.authority, False)
         return is_accepted
 
     def remove(self, name: str) -> None:

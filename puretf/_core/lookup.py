@@ -157,12 +157,11 @@ class Lookups:
 
     def stamps(self, target: str, source: str) -> NDArray[np.int64]:
         failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
-        return (np.empty(0, np.int64) if target == source
-                else search.stamps(self.tree, target, source))
+        return search.stamps(self.tree, target, source)
 
     def path_edges(self, target: str, source: str) -> list[search.PathEdge]:
         failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
-        return [] if target == source else search.path_edges(self.tree, target, source)
+        return search.path_edges(self.tree, target, source)
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""

@@ -67,9 +67,8 @@ class Path:
         with np.errstate(invalid='ignore', over='ignore'):
             columns = _columns_along(self.from_source, neighbours)
             if self.from_target:
-                target_from_top = inverse(_columns_along(self.from_target, neighbours))
-                columns = (compose(target_from_top, columns) if self.from_source
-                           else target_from_top)
+                columns = compose(
+                    inverse(_columns_along(self.from_target, neighbours)), columns)
         return np.array([np.broadcast_to(column, len(times)) for column in columns]), known
 
 

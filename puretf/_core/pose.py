@@ -36,8 +36,6 @@ class Rows(NamedTuple):
 class Batch:
     """m messages of /tf with the same n frames, in the order of their arrival."""
 
-    is_static = False
-
     def __init__(self, parents: list[str], children: list[str], authority: str) -> None:
         #: (n) names without a leading slash; no two children are equal.
         self.parents, self.children, self.authority = parents, children, authority

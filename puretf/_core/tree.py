@@ -41,16 +41,6 @@ class FrameTree:
         #: of a stamp that was 10**9 or more; and the last publisher.
         self._refusals: dict[str, dict[str, tuple[int, str]]] = {}
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """
-        The names of all frames, in the order of `histories`.
-
-        The tuple does not change. So the text of an error can be written later from it, without
-        the lock of the buffer.
-        """
-        return tuple(self.histories)
-
     def clear(self) -> None:
         """Drop the samples of dynamic frames; static poses and the names of all frames stay."""
         for name, history in self.histories.items():

@@ -95,7 +95,11 @@ class PendingFutures:
             transform = lookup()
         except TransformException:
             if timeout is not None:
-                self._start_thread()
+                self._wake.set()
+                with self._starting:
+                    if self._thread is None:
+                        self._thread = Thread(target=self._watch_deadlines, daemon=True)
+                        self._thread.start()
         except BaseException:
             self.forget(future)
             raise
@@ -163,13 +167,6 @@ class PendingFutures:
             with suppress(AttributeError, InvalidHandle):  # if the executor is being shut down
                 executor.wake()
 
-    def _start_thread(self) -> None:
-        self._wake.set()
-        with self._starting:
-            if self._thread is None:
-                self._thread = Thread(target=self._watch_deadlines, daemon=True)
-                self._thread.start()
-
     def _watch_deadlines(self) -> None:
         """End the futures that time out, until no pending future has a timeout."""
         while True:
@@ -182,6 +179,7 @@ class PendingFutures:
             self._end_expired()
 
     def _end_expired(self) -> None:
+        """End the futures whose timeouts are over; the calling frame keeps none of them."""
         for future in self._pending():
             if future.deadline <= monotonic():
                 try:

@@ -5,16 +5,10 @@ from pathlib import Path
 
 from puretf._ros.rclpy_private import install
 
-
-def _has_type_support() -> bool:
-    """Return True if the tf2_msgs of ROS is installed, and not only that of dummy-arm-tf2."""
-    spec = find_spec('tf2_msgs')
-    return spec is not None and any(
-        any(Path(directory).glob('*_s__rosidl_typesupport_c*'))
-        for directory in spec.submodule_search_locations or ())
-
-
-if _has_type_support():
+_spec = find_spec('tf2_msgs')
+# The tf2_msgs of dummy-arm-tf2 has no type support.
+if _spec is not None and any(any(Path(directory).glob('*_s__rosidl_typesupport_c*'))
+                             for directory in _spec.submodule_search_locations or ()):
     from tf2_msgs.msg import TFMessage
     from tf2_msgs.srv import FrameGraph
 else:

@@ -38,7 +38,7 @@ from puretf._wire.cdr import MalformedMessage
 
 #: A message: its bytes, the gid of its publisher (hex), and the times of reception and of sending
 #: (ns). What is not known is '' or 0.
-Taken = tuple[bytes, str, int, int]
+_Taken = tuple[bytes, str, int, int]
 #: The exception that rclpy's compiled part raises if rcl returns an error code.
 RCLError = _rclpy.RCLError
 #: WaitSet(subscriptions, guard conditions, timers, clients, services, events, context), with the
@@ -256,7 +256,7 @@ class Taker:
         self._info = _MessageInfo()
         finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
-    def take(self, most: int) -> list[Taken]:
+    def take(self, most: int) -> list[_Taken]:
         """Take the messages that have arrived; only one thread at a time may call this."""
         if self._take is None:
             taken = [(data, '', info['received_timestamp'] or 0, info['source_timestamp'] or 0)
@@ -271,7 +271,7 @@ class Taker:
             taken[i] = data, gid, self._received, sent
         return taken
 
-    def _take_one(self) -> Optional[Taken]:
+    def _take_one(self) -> Optional[_Taken]:
         written, info = self._bytes, self._info
         code = self._take(self._handle.pointer, written, info, None)
         if code == _TAKE_FAILED:

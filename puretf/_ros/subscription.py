@@ -70,10 +70,10 @@ class SubscriptionSource:
         """
         Create the source.
 
-        :param on_fault: called with each error that is raised while messages are decoded.
+        :param on_fault: called with the error of each message that cannot be decoded.
         :param wake: a function that makes the listener's thread update the buffer now.
         """
-        self.wake, self._on_fault, self._clock = wake, on_fault, clock
+        self.wake, self._clock = wake, clock
         self._subscriptions = [TopicSubscription(each, each is tf_static, on_fault)
                                for each in (tf, tf_static) if each is not None]
         qos = (tf or tf_static).qos_profile
@@ -97,10 +97,7 @@ class SubscriptionSource:
         for subscription, messages in reversed(arrived):
             if messages:
                 self._count += len(messages)
-                try:
-                    batches += self._read(subscription, messages)
-                except Exception as error:  # a bug in this package must not end the thread
-                    self._on_fault(error)
+                batches += self._read(subscription, messages)
         return batches
 
     def close(self) -> None:

@@ -206,11 +206,14 @@ def check_edge(frame_id: str, child_frame_id: str) -> None:
 def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> None:
     """Raise a ValueError if a number is not finite, or the quaternion cannot be normalised."""
     x, y, z, qx, qy, qz, qw = pose
+    is_rotation = math.isfinite(normalized(qx, qy, qz, qw)[3])
+    if is_rotation and math.isfinite(x + y + z):
+        return
     if not all(map(math.isfinite, pose)):
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': every number must be finite, got "
             f'translation ({x}, {y}, {z}), rotation ({qx}, {qy}, {qz}, {qw})')
-    if not math.isfinite(normalized(qx, qy, qz, qw)[3]):
+    if not is_rotation:
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': the quaternion x, y, z, w = "
             f'({qx}, {qy}, {qz}, {qw}) cannot be normalised; use (0, 0, 0, 1) for no rotation')

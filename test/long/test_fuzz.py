@@ -16,8 +16,7 @@ import fuzz_messages
 
 FUZZ = [sys.executable, fuzz.__file__]
 #: The modules without which a target cannot be called.
-NEEDED = {'websocket': 'viser', 'views': 'viser', 'type': 'rclpy', 'meshes': 'collada',
-          'clouds': 'rclpy'}
+NEEDED = {'websocket': 'viser', 'views': 'viser', 'meshes': 'collada', 'clouds': 'rclpy'}
 
 
 @pytest.mark.parametrize('name', fuzz.MODULES)

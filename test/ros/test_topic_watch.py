@@ -10,7 +10,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Empty, String
 
 from puretf._ros import topic_watch
-from puretf.publisher_listener import ReceivedMessage, TopicReader, TopicWatch
+from puretf.publisher_listener import TopicReader, TopicWatch
 from puretf_tools.inspection import header_sampler
 from puretf_tools.inspection.header_sampler import HeaderSampler
 
@@ -81,7 +81,7 @@ def test_times_of_arrival_that_the_middleware_does_not_report(ros, monkeypatch):
     monkeypatch.setattr(topic_watch, 'time_ns', lambda: now)
     reader, found = TopicReader(ros.node, String, '/words', 1), []
     monkeypatch.setattr(reader, '_taker', SimpleNamespace(
-        has_reception_times=False, take=lambda most: [ReceivedMessage.of(b'', sent=sent)]))
+        has_reception_times=False, take=lambda most: [(b'', '', 0, sent)]))
     for now, sent in (50, 40), (100, 61), (150, 149), (200, 120):  # noqa: B007
         found += [message.time for message in reader.take()]
     assert found == [50, 71, 150, 150]

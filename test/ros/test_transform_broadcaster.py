@@ -155,6 +155,15 @@ def test_a_list_with_one_bad_element_sends_nothing(ros, received):
     assert received == [[transform('a', 'c')]]
 
 
+def latched(ros):
+    """Return the transforms of the only message that a late subscriber of /tf_static receives."""
+    late: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late)
+    (message,) = late
+    return message.transforms
+
+
 def test_a_signal_handler_may_send_statics(ros):
     """Also while the program sends; nothing is lost."""
     broadcaster, sent = StaticTransformBroadcaster(ros.node), list[bytes]()
@@ -170,10 +179,7 @@ def test_a_signal_handler_may_send_statics(ros):
     broadcaster.pub_tf = cast(Any, Interrupted())
     run_in_thread(lambda: broadcaster.sendTransform(transform('map', 'first')))
     broadcaster.sendTransform(transform('map', 'end'))
-    late: list[TFMessage] = []
-    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
-    ros.until(lambda: late)
-    assert {each.child_frame_id for each in late[-1].transforms} == {'first', 'last', 'end'}
+    assert {each.child_frame_id for each in latched(ros)} == {'first', 'last', 'end'}
 
 
 def test_statics_accumulate(ros):
@@ -186,11 +192,7 @@ def test_statics_accumulate(ros):
     with pytest.raises(ValueError, match='finite'):
         broadcaster.sendTransform([transform('map', 'a', 7.0), transform('map', 'd', math.nan)])
     broadcaster.sendTransform(transform('odom', '/b', 4.0))
-    late: list[TFMessage] = []
-    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
-    ros.until(lambda: late)
-    (message,) = late
-    assert message.transforms == [
+    assert latched(ros) == [
         transform('map', 'a', 1.0), transform('odom', '/b', 4.0), transform('map', 'c', 3.0)]
 
 
@@ -202,10 +204,7 @@ def test_statics_are_replaced(ros):
     with pytest.raises(ValueError, match='finite'):
         broadcaster.replace([transform('map', 'd', math.nan)])
     broadcaster.sendTransform(transform('c', 'e', 5.0))
-    late: list[TFMessage] = []
-    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
-    ros.until(lambda: late)
-    assert late[0].transforms == [
+    assert latched(ros) == [
         transform('map', 'b', 3.0), transform('b', 'c', 4.0), transform('c', 'e', 5.0)]
 
 

@@ -18,14 +18,13 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')  # before rc
 DATA = Path(__file__).parent.parent / 'data' / 'fuzz'
 #: The module of each target.
 MODULES = {
-    'cdr': 'fuzz_messages', 'streams': 'fuzz_messages', 'ros1': 'fuzz_messages',
-    'type': 'fuzz_messages', 'bags': 'fuzz_messages', 'db3': 'fuzz_messages',
+    'cdr': 'fuzz_messages', 'ros1': 'fuzz_messages', 'bags': 'fuzz_messages',
     'description': 'fuzz_messages',
     'names': 'fuzz_surfaces', 'websocket': 'fuzz_surfaces', 'views': 'fuzz_surfaces',
     'meshes': 'fuzz_shapes', 'clouds': 'fuzz_shapes'}
 #: One input may take 20 s, of some targets 5 s, and the process may use 2 GB.
 _LIMITS = '-timeout=20', '-rss_limit_mb=2048', '-max_len=4096', '-print_final_stats=1'
-_FAST = 'db3', 'views', 'meshes', 'clouds'
+_FAST = 'views', 'meshes', 'clouds'
 
 
 class Target(NamedTuple):

@@ -7,21 +7,16 @@ bytes that found a fault before. No target imports ROS before it is called.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager, ExitStack, suppress
+from contextlib import contextmanager, ExitStack, suppress
 from functools import cache
 import json
 import logging
 from math import isfinite
 from pathlib import Path
-import pickle
 import random
 import shutil
-import sqlite3
 import struct
-import subprocess
-import sys
 from tempfile import TemporaryDirectory
-from time import process_time
 from typing import Any, NamedTuple, Optional, Union
 from xml.parsers import expat
 
@@ -30,12 +25,10 @@ from environment import DATA
 from messages import golden_messages
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from puretf import TransformBuffer, TransformException
-from puretf._core.engine import engine_of
+from puretf import TransformBuffer
 from puretf._core.pose import Row
 from puretf._wire import cdr, ros1
 from puretf._wire.cdr import MalformedMessage
-from puretf._wire.message_reader import Encoding, MessageReader
 from puretf.bag import BagError, read
 from puretf.bag import open as open_bag
 from puretf_tools.robot.descriptions import parsed
@@ -49,14 +42,13 @@ _TIME = 'builtin_interfaces/msg/Time'
 _LONGEST_TEXT, _STRETCHED = 4096, 1_000_000
 
 
-#: What is closed at the end.
 _opened = ExitStack()
 
 
 def close() -> None:
-    """End the process and remove the files of the targets; they can be called again."""
+    """Remove the files of the targets; they can be called again."""
     _opened.close()
-    for made in _worker, folder, seed_bag, _with_checksums, _database:
+    for made in folder, seed_bag, _with_checksums:
         made.cache_clear()
 
 
@@ -340,103 +332,7 @@ def _as_ros1(rows: list[Row]) -> bytes:
     return data
 
 
-# Streams and batches
-
-
-_EDGES = [(parent, child) for parent in ('map', 'a', 'b', '/c', '', 'é' * 513)
-          for child in ('a', 'b', 'c', 'd', '/e', 'map', '', 'x' * 1025)]
-_STEPS = 0, 1, S // 50, S, -1, -S, 20 * S, -20 * S, 2**62
-_CACHES = 10 * S, S, 1, 2**63 - 1
-
-
-def check_streams(data: bytes) -> None:
-    """Insert messages as batches and one by one: the buffers have the same data and answers."""
-    source = Input(data)
-    encoding: Encoding = source.choice((cdr, ros1))
-    cache_time = source.choice(_CACHES)
-    fast, slow = TransformBuffer(cache_time), TransformBuffer(cache_time)
-    errors = list[Exception]()
-    reader = MessageReader(errors.append, encoding)
-    pending: list[bytes] = []
-    sent: list[bytes] = []
-    layouts = [[('map', 'a'), ('a', 'b')]]
-    now = T
-    with logged_texts():
-        for _ in range(60):
-            if not source:
-                break
-            op = source.integer(15)
-            if op == 0:
-                layouts.append([source.choice(_EDGES) for _ in range(source.integer(3))])
-            elif op == 1 and sent:  # change bytes of an earlier message
-                message = bytearray(source.choice(sent[-16:]))
-                at = source.integer(len(message))
-                changed = source.raw(source.integer(8))
-                message[at:at + len(changed)] = changed
-                pending.append(bytes(message))
-            elif op == 2:
-                pending.append(source.raw(source.integer(255)))
-            elif op in (3, 4):
-                _insert_both(fast, slow, reader, encoding, pending, errors, op == 3)
-                pending.clear()
-            elif op == 5:
-                fast.clear()
-                slow.clear()
-            else:
-                now = min(max(now + source.choice(_STEPS), 0), 2**62)
-                rows = []
-                for parent, child in source.choice(layouts[-4:]):
-                    stamp = now + (S if op == 6 and source.integer(1) else 0)
-                    pose: Any = [source.number(), *bags.STILL[1:]] if op < 12 else [
-                        source.number() for _ in range(7)]
-                    rows.append(Row(stamp % (2**31 * S), parent, child, tuple(pose)))
-                pending.append(cdr.pack(rows) if encoding is cdr else _as_ros1(rows))
-            sent += pending[-1:]
-        _insert_both(fast, slow, reader, encoding, pending, errors, False)
-        _compare_answers(fast, slow, now)
-
-
-def _insert_both(fast: TransformBuffer, slow: TransformBuffer, reader: MessageReader,
-                 encoding: Encoding,
-                 pending: list[bytes], errors: list[Exception], is_static: bool) -> None:
-    """Insert messages into both buffers."""
-    errors.clear()
-    engine_of(fast).insert_batches(reader.read(pending, 'node', is_static))
-    malformed = []
-    for message in pending:
-        try:
-            rows = encoding.unpack(message)
-        except MalformedMessage as error:
-            malformed.append(str(error))
-            continue
-        for row in rows:
-            slow.insert(*row, 'node', is_static)
-    assert [*map(str, errors)] == malformed
-    assert _state(fast) == _state(slow)
-    # Rule: a batch is inserted frame by frame. If the first transform of a frame is refused, the
-    # frames may be in another order.
-    assert sorted(map(str, fast.frames())) == sorted(map(str, slow.frames()))
-
-
-def _state(buffer: TransformBuffer) -> dict[str, str]:
-    """Return all data of a buffer, as texts, since a NaN is not equal to itself."""
-    return {name: str(known) for name, known in buffer.dump().items()}
-
-
-def _compare_answers(fast: TransformBuffer, slow: TransformBuffer, now: int) -> None:
-    """Compare what two buffers answer; the texts of errors list frames, in their order."""
-    with_text = [*fast.dump()] == [*slow.dump()]
-    for target, source in ('map', 'b'), ('d', 'a'), ('c', 'map'), ('e', 'nobody'):
-        for time in 0, now, now - S:
-            answers = [_answer(buffer, target, source, time, with_text) for buffer in (fast, slow)]
-            assert answers[0] == answers[1]
-
-
-def _answer(buffer: TransformBuffer, target: str, source: str, time: int, with_text: bool) -> str:
-    try:
-        return repr(buffer.lookup_transform(target, source, max(0, time)))
-    except TransformException as error:
-        return repr(error if with_text else type(error))
+# Bags
 
 
 @contextmanager
@@ -458,110 +354,9 @@ def logged_texts() -> Iterator[list[str]]:
         assert 'Traceback' not in text, text
 
 
-def seeds_of_streams() -> Iterator[bytes]:
-    """Yield streams of one layout, of several layouts, and with faults."""
-    stream = b''.join(bytes([7, 2, 0, 0, 100 + i, 0, i]) for i in range(6))
-    other = b''.join(bytes([7, 3, 1, 0, 100 + i, 0, i]) for i in range(6))
-    yield bytes(3) + stream + b'\4' + stream + b'\4'
-    yield bytes([1, 1, 1]) + stream + b'\3' + stream + b'\4'
-    for index in 0, 2:  # two parents of a child; the index is that of the cache time
-        yield bytes([0, index, 0]) + b'\0\2\0\20' + other + other + b'\4' + other + other
-    yield bytes([0, 2, 2]) + b'\0\2\11\22' + stream + other + stream + b'\4' + other + b'\5'
-    yield bytes(3) + stream + bytes([1, 0, 9, 3, 1, 2, 3]) + b'\2\5junk!' + b'\4' + stream
-    yield bytes([0, 0, 1]) + bytes([13, 3, 0, *[1, 6] * 14]) * 3 + bytes([6, 1, 0, 1, 0, 9]) * 4
-
-
-# The run-time type
-
-
-#: Reads messages, each after its length, by rclpy; answers with what it has read, pickled.
-_WORKER = """
-import pickle, struct, sys
-from rclpy.serialization import deserialize_message, serialize_message
-from puretf import TFMessage
-from puretf._ros.transform_stamped import fields_of
-read, answers = sys.stdin.buffer.read, sys.stdout.buffer
-while head := read(4):
-    try:
-        message = deserialize_message(read(*struct.unpack('<I', head)), TFMessage)
-        answer = [fields_of(each) for each in message.transforms], serialize_message(message)
-    except (ValueError, RuntimeError) as error:
-        answer = str(error)
-    answer = pickle.dumps(answer)
-    answers.write(struct.pack('<I', len(answer)) + answer)
-    answers.flush()
-"""
-
-
-class _Worker:
-    """A process that reads messages by rclpy, where a fault may be the end of the process."""
-
-    def __init__(self) -> None:
-        """Start the process."""
-        self._process = subprocess.Popen(
-            [sys.executable, '-c', _WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        _opened.callback(self.close)
-
-    def ask(self, data: bytes) -> Any:
-        """Return what the process answers."""
-        assert self._process.stdin
-        assert self._process.stdout
-        with suppress(BrokenPipeError):
-            self._process.stdin.write(struct.pack('<I', len(data)) + data)
-            self._process.stdin.flush()
-        head = self._process.stdout.read(4)
-        if len(head) < 4:
-            code = self._process.wait()
-            _worker.cache_clear()
-            raise AssertionError(f'the process that reads messages has died: exit code {code}')
-        return pickle.loads(self._process.stdout.read(*struct.unpack('<I', head)))
-
-    def close(self) -> None:
-        """End the process, which ends at the end of its input."""
-        if self._process.poll() is None:
-            assert self._process.stdin
-            self._process.stdin.close()
-            self._process.wait()
-
-
-@cache
-def _worker() -> _Worker:
-    return _Worker()
-
-
-def check_type(data: bytes) -> None:
-    """Read a message by the run-time type of rclpy, in a process of its own, and write it."""
-    answer = _worker().ask(data)
-    try:
-        ours = str([*cdr.fields(data)])
-    except MalformedMessage as error:
-        ours = str(error)
-        # Rule: our decoder reads for the TFMessage that is made at run time, so it refuses the
-        # same bytes for the same reason. That of tf2_msgs, where it is installed, may read them.
-        if answer != ours and not _has_tf2_msgs():
-            raise AssertionError(f'refused: {ours}; by rclpy: {answer}') from error
-        return
-    assert not isinstance(answer, str), f'rclpy does not read it: {answer}'
-    fields, again = answer
-    assert str(fields) == ours
-    assert str([*cdr.fields(again)]) == ours
-    if fields:
-        result = _read_by_rosbags(again, 2, TF)
-        assert result
-        assert [_fields(each)[:3] for each in result[0]] == [
-            (*each[:2], (each[2].encode(), each[3].encode())) for each in fields]
-
-
-seeds_of_type = seeds_of_cdr
-
-
-@cache
-def _has_tf2_msgs() -> bool:
-    from puretf import TFMessage
-    return bool(TFMessage.__module__.startswith('tf2_msgs.'))
-
-
-# Bags
+def _state(buffer: TransformBuffer) -> dict[str, str]:
+    """Return all data of a buffer, as texts, since a NaN is not equal to itself."""
+    return {name: str(known) for name, known in buffer.dump().items()}
 
 
 _BAG_MESSAGES = [
@@ -711,95 +506,3 @@ def seeds_of_bags() -> Iterator[bytes]:
         yield bytes([number, 0, 3, 0, 5, 1, 1, 9, 4, 2, 1, 2, 3])
         yield bytes([number, 30, *range(30)])
     yield bytes([0, 1, 1, 9, 0, 1]) + b'[{'  # in the metadata
-
-
-# Databases
-
-_TABLES = {'topics': ('id', 'name', 'type', 'serialization_format', 'offered_qos_profiles'),
-           'messages': ('id', 'topic_id', 'timestamp', 'data'),
-           'message_definitions': ('topic_type', 'encoded_message_definition')}
-#: Values of a database, in SQL.
-_VALUES = ('NULL', '0', '1', '2', '-1', '9223372036854775807', '-9223372036854775808', '1e999',
-           '-1e999', '1.5', '1e300', "''", "'1'", "'/tf'", "'cdr'", "X''", "X'00ff'", "'1; 2'",
-           "'tf2_msgs/msg/TFMessage'", "CAST(X'ff2f7466' AS TEXT)", 'char(0, 27, 8232, 55296)',
-           'zeroblob(1000)', 'hex(zeroblob(100000))', "'durability: 1'", '102000000000')
-_LONGEST_READING = 5.0  # s of the processor
-
-
-@cache
-def _database() -> bytes:
-    """Return a small database whose columns take any value."""
-    path = folder() / 'seed.db3'
-    path.write_bytes(next(data for name, data in seed_bag('db3').items() if name[-4:] == '.db3'))
-    with closing(sqlite3.connect(path)) as database:
-        for table in 'topics', 'messages', 'message_definitions':
-            with suppress(sqlite3.Error):
-                database.execute(f'CREATE TABLE other AS SELECT * FROM {table}')
-                database.execute(f'DROP TABLE {table}')
-                database.execute(f'ALTER TABLE other RENAME TO {table}')
-        database.execute('CREATE INDEX by_time ON messages (timestamp)')
-        database.execute('VACUUM')
-        database.commit()
-    return path.read_bytes()
-
-
-def _statement(source: Input) -> str:
-    """Take a change of a database."""
-    table = source.choice([*_TABLES])
-    column, kind = source.choice(_TABLES[table]), source.integer(15)
-    where = f'WHERE rowid = {source.integer(8)}'
-    if kind < 9:
-        value = source.choice(_VALUES)
-        return f'UPDATE {table} SET {column} = {value} {where if kind < 8 else ""}'
-    if kind < 12:
-        value = source.choice(_VALUES) if kind == 9 else ''
-        return (f'INSERT INTO {table} ({column}) VALUES ({value})' if value else
-                f'INSERT INTO {table} SELECT * FROM {table} {where}' if kind == 10 else
-                f'DELETE FROM {table} {where}')
-    return (f'ALTER TABLE {table} RENAME COLUMN {column} TO other', 'DROP INDEX by_time',
-            f'DROP TABLE {table}', f'ALTER TABLE {table} ADD COLUMN other DEFAULT 1')[kind - 12]
-
-
-def check_db3(data: bytes) -> None:
-    """
-    Change a database by SQL, and then its bytes; read it.
-
-    Rule: it is refused in one line, or no message that is counted is left out; times are integers.
-    """
-    source, path, begin = Input(data), folder() / 'x.db3', process_time()
-    path.write_bytes(_database())
-    with closing(sqlite3.connect(path)) as database:
-        database.execute('PRAGMA synchronous = off')
-        for _ in range(source.integer(7)):
-            with suppress(sqlite3.Error):
-                database.execute(_statement(source))
-        database.commit()
-    path.write_bytes(changed(path.read_bytes(), source))
-    for partial in False, True:
-        messages: list[Any] = []
-        with open_bag(path, partial=partial, max_bytes=_MAX_BYTES) as bag, logged_texts():
-            with suppress(BagError):
-                messages += bag.messages(headers=True)
-                assert len(messages) == sum(each.count for each in bag.topics if each.is_wanted)
-            assert all(type(message.time) is int for message in messages)
-            with suppress(BagError):
-                assert type(bag.begin) is type(bag.end) is int
-        answer = _read_bag(path, partial)
-        if isinstance(answer, str):  # a sentence, and no single word or number
-            assert str(path) in answer
-            why = answer.rpartition(f'{path.name} cannot be read: ')[2].partition('. If it is')[0]
-            assert len(why.split()) > 2, answer
-    assert process_time() - begin < _LONGEST_READING
-
-
-def seeds_of_db3() -> Iterator[bytes]:
-    """Yield one change of each value, of each kind, and of bytes."""
-    yield bytes(1)
-    for table, columns in enumerate(_TABLES.values()):
-        for column in range(len(columns)):
-            for value in range(len(_VALUES)):
-                yield bytes([1, table, column, 0, 1, value])
-            for kind in range(9, 16):
-                yield bytes([1, table, column, kind, 1, 5])
-    for op in range(8):
-        yield bytes([0, op, 0, 2, 9, 200, 3, 7])

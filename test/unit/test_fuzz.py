@@ -10,8 +10,7 @@ import fuzz
 import fuzz_messages
 
 #: The modules without which a target cannot be called.
-NEEDED = {'websocket': 'viser', 'views': 'viser', 'type': 'rclpy', 'meshes': 'collada',
-          'clouds': 'rclpy'}
+NEEDED = {'websocket': 'viser', 'views': 'viser', 'meshes': 'collada', 'clouds': 'rclpy'}
 FOUND = [(name, path) for name in fuzz.MODULES for path in fuzz.reproducers(name)]
 
 

@@ -93,11 +93,6 @@ def locks(axes):
     return [0.0, math.pi, -math.pi] if axes[1] == axes[3] else [math.pi / 2, -math.pi / 2]
 
 
-def from_lock(three, axes):
-    """Return how far three angles are from gimbal lock: 0 at the lock, at most 1."""
-    return abs(math.sin(three[1]) if axes[1] == axes[3] else math.cos(three[1]))
-
-
 def check_round_trip(quaternion, axes):
     """
     Assert that the Euler angles of a unit quaternion make the same rotation, to rounding.

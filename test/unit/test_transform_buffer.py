@@ -642,50 +642,34 @@ def test_a_signal_handler_does_not_wait():
 
 
 def test_nobody_sees_a_half_written_state():
-    """Readers run beside a writer that appends, inserts late data, re-parents and clears."""
-    buffer, stop = TransformBuffer(S), threading.Event()
-    failures: list[object] = []
-    half = math.sqrt(0.5)
-
-    def write():
-        for i in range(3000):
-            stamp = T + i * S // 100
-            for late in 0, 40 * S // 1000:
-                n = float(stamp - late - T) / S
-                for parent, child in ('map', 'a'), ('a', 'b'):
-                    buffer.insert(stamp - late, parent, child,
-                                  (n, 2 * n, 3 * n, 0.0, 0.0, 0.0, 1.0))
-            buffer.insert(stamp, f'map{i % 2}', 'c', (0.0, 0.0, 0.0, half, 0.0, 0.0, half))
-            if i % 500 == 499:
-                buffer.clear()
-        stop.set()
+    """Readers run beside a writer that appends, inserts late data and clears."""
+    buffer, failures, stop = TransformBuffer(S), list[object](), threading.Event()
 
     def read():
         while not stop.is_set():
-            try:
+            with suppress(TransformException):
                 time = buffer.get_latest_common_time('map', 'b')
                 for at in 0, time - S // 60, time - S // 7:
                     answer = buffer.lookup_transform('map', 'b', at)
-                    n = 2 * (answer.stamp - T) / S
-                    if answer.translation != pytest.approx((n, 2 * n, 3 * n), abs=1e-6):
+                    if answer.translation[0] != pytest.approx(2 * (answer.stamp - T) / S):
                         failures.append(answer)
                 translations, _, known = buffer.lookup_transforms('map', 'b', [time - 1, 0, time])
-                if not np.allclose(translations[known] @ [5.0, -1.0, -1.0], 0.0, atol=1e-6):
+                if not np.allclose(translations[known, 1], 2 * translations[known, 0]):
                     failures.append(translations)
-                buffer.can_transform('map0', 'c')
-                buffer.all_frames_as_yaml()
-            except TransformException:
-                pass
-            except Exception as error:
-                failures.append(error)
 
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
+    readers = [threading.Thread(target=read) for _ in range(3)]
+    for reader in readers:
+        reader.start()
     try:
-        readers = [threading.Thread(target=read) for _ in range(3)]
-        for reader in readers:
-            reader.start()
-        write()
+        for i in range(6000):
+            stamp = T + i // 2 * S // 100 - i % 2 * S // 25
+            n = (stamp - T) / S
+            for parent, child in ('map', 'a'), ('a', 'b'):
+                buffer.insert(stamp, parent, child, (n, 2 * n, 0.0, *STILL))
+            if i % 1000 == 999:
+                buffer.clear()
     finally:
         stop.set()
         sys.setswitchinterval(interval)
