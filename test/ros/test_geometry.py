@@ -300,23 +300,6 @@ def test_types_can_be_registered(buffer):
     assert copied is not point
 
 
-def test_what_a_user_has_registered_stays(start):
-    """A user's function replaces that of the package, also after other types are used."""
-    process = start('-c', """if True:
-        from geometry_msgs.msg import PointStamped, PoseStamped
-        from puretf import Buffer, ConvertRegistration, TransformRegistration
-        buffer = Buffer()
-        TransformRegistration().add(PointStamped, lambda point, transform: 'mine')
-        ConvertRegistration().add_to_msg(PointStamped, lambda point: 'mine')
-        for message in PointStamped(), PoseStamped(), PointStamped():
-            message.header.frame_id = 'map'
-            print(type(buffer.transform(message, 'map')).__name__)
-        print(ConvertRegistration().get_to_msg(PointStamped)(None))
-    """)
-    assert process.exit_code() == 0
-    assert process.output.split() == ['str', 'PoseStamped', 'str', 'mine']
-
-
 def test_stamped_gives_a_header():
     """The header has the stamp and the frame, as in tf2_ros."""
     own = Stamped(Own(1.0), STAMP, 'tool')

@@ -12,7 +12,6 @@ from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from ros_node import eventually, stamped
-from std_msgs.msg import String
 
 from puretf import (
     Buffer,
@@ -27,7 +26,6 @@ from puretf.publisher_listener import (
     node_of,
     PublisherListener,
     ReceivedMessage,
-    TopicReader,
     UNKNOWN,
 )
 
@@ -271,23 +269,3 @@ def test_the_node_of_an_endpoint(namespace, name, expected):
     """The placeholders are those of rmw for a node that is not discovered yet."""
     info = TopicEndpointInfo(node_namespace=namespace, node_name=name)
     assert node_of(info) == expected
-
-
-def test_a_reader_of_another_topic(ros):
-    """It takes the bytes of messages, and knows their nodes."""
-    publisher = ros.node.create_publisher(String, '/words', 10)
-    reader = TopicReader(ros.node, String, '/words', 10)
-    ros.until(publisher.get_subscription_count)
-    for word in 'one', 'two':
-        publisher.publish(String(data=word))
-    taken: list[ReceivedMessage] = []
-
-    def have_arrived():
-        taken.extend(reader.take())
-        return len(taken) == 2
-
-    ros.until(have_arrived)
-    assert taken == [serialize_message(String(data=word)) for word in ('one', 'two')]
-    names = reader.names_of(each.publisher for each in taken)
-    assert {*names.values()} == {'/test'}
-    reader.close()

@@ -87,12 +87,6 @@ def test_another_encoding_is_malformed(encapsulation):
         cdr.unpack(bytes.fromhex(encapsulation) + bytes(6))
 
 
-def test_bytes_after_the_end_are_ignored():
-    """Fast DDS pads the messages that it delivers."""
-    transforms = [Row(0, 'a', 'b', IDENTITY)]
-    assert cdr.unpack(cdr.pack(transforms) + b'\0\0\0') == transforms
-
-
 @pytest.mark.parametrize(('field', 'name'), [
     (b'\0\0\0\0', ''), (b'\5\0\0\0ab\0c\0\0\0\0', 'ab'), (b'\3\0\0\0\xff\xfe\0\0', '\ufffd\ufffd'),
     (b'\2\0\0\0ab\0\0', 'ab')])

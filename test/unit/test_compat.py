@@ -12,8 +12,6 @@ COMPAT = ROOT / 'compat'
 needs_compat = pytest.mark.skipif(
     find_spec('_dummy_arm_tf2') is None or HAS_TF2_MSGS,
     reason='dummy-arm-tf2, of compat, is not installed, or the real tf2_msgs is found first')
-USE = ('from tf2_py import LookupException; import puretf; '
-       'assert LookupException is puretf.LookupException')
 
 
 def run(*arguments, **kwargs):

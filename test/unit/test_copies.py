@@ -4,6 +4,7 @@ from copy import copy, deepcopy
 from functools import partial
 import json
 import pickle
+from typing import cast
 
 from environment import ROOT
 from hypothesis import given
@@ -109,6 +110,23 @@ def test_a_copy_of_the_end_begins_with_several_samples_of_one_stamp(stamps, x):
     """At the oldest stamp of a frame, tf2 answers with the first sample, else with the last."""
     other = TransformBuffer.copy_of(buffer_of(*stamps), 10)
     assert other.lookup_transform('map', 'a', 10).translation[0] == x
+
+
+def test_a_copy_has_what_is_needed_and_is_its_own():
+    """What is inserted into the original later is not in the copy."""
+    buffer = buffer_of(*range(1, 11))
+    other = TransformBuffer.copy_of(buffer, 5)
+    buffer.insert(11, 'map', 'a', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    assert other.dump()['a']['stamps'] == [*range(4, 11)]
+    with pytest.raises(TypeError, match='buffer must be a buffer of puretf, got None'):
+        TransformBuffer.copy_of(cast(TransformBuffer, None))
+
+
+def test_a_loaded_buffer_keeps_all_samples():
+    other = reloaded(buffer_of(5))
+    for stamp in 1 - 2**63, 2**63 - 1:
+        other.insert(stamp, 'map', 'a', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    assert other.path_stamps('map', 'a').tolist() == [1 - 2**63, 5, 2**63 - 1]
 
 
 def test_a_copy_of_a_cleared_buffer_is_its_own():

@@ -42,12 +42,6 @@ def state(buffer):
     return {name: str(known) for name, known in buffer.dump().items()}
 
 
-def xs(buffer, name):
-    """Return the x of each sample of a frame, by its stamp."""
-    known = buffer.dump()[name]
-    return {stamp: pose[0] for stamp, pose in zip(known['stamps'], known['poses'])}
-
-
 @pytest.mark.parametrize(('given', 'expected'), [
     ((0, 0, 0, -2), (0, 0, 0, 1)), ((3, 0, 0, -4), (-0.6, 0, 0, 0.8)),
     ((-4, 0, 0, 3), (-0.8, 0, 0, 0.6)), ((9, 0, 0, -1), (9, 0, 0, -1)),

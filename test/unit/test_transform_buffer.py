@@ -15,7 +15,6 @@ import weakref
 
 from ctrl_c import interruptions
 from environment import on_unix
-from model import are_equal, Model, outcome
 import numpy as np
 import pytest
 import yaml
@@ -85,51 +84,6 @@ def test_expires_after_the_cache_time():
     assert not put(buffer, 'a', 'b', T + 3 * S - 1)
     assert [(frame.oldest, frame.length, frame.latest, frame.arrived)
             for frame in buffer.frames()] == [(T + 3 * S, 2, T + 5 * S, T + 3 * S - 1)]
-
-
-def test_a_copy():
-    """It has what lookups from a time on need, and does not change with the buffer."""
-    buffer = TransformBuffer(100 * S)
-    put(buffer, 'map', 'post', 0, 5.0, is_static=True)
-    for second in range(10):
-        put(buffer, 'ab'[second % 2], 'c', T + second * S, second)
-        put(buffer, 'map', 'd', T + second * S, second)
-    copy = TransformBuffer.copy_of(buffer, T + 5 * S + 1)
-    whole = TransformBuffer.copy_of(buffer)
-    assert whole.dump() == buffer.dump()
-    assert [(frame.name, frame.oldest) for frame in copy.frames()] == [
-        ('post', 0), ('c', T + 5 * S), ('d', T + 5 * S)]
-    put(buffer, 'map', 'd', T + 100 * S, 0.0)
-    buffer.clear()
-    for time in T + 5 * S + 1, T + 6 * S + S // 2, T + 9 * S:
-        assert x_at(copy, 'map', 'd', time) == pytest.approx((time - T) / S)
-    assert x_at(copy, 'b', 'c', T + 9 * S) == 9.0
-    assert x_at(copy, 'map', 'post', 0) == 5.0
-    with pytest.raises(ExtrapolationException):
-        x_at(copy, 'map', 'd', T + 4 * S)
-    put(copy, 'map', 'd', T + 10 * S, 20.0)
-    assert x_at(copy, 'map', 'd', T + 10 * S) == 20.0
-    with pytest.raises(TypeError, match='buffer must be a buffer of puretf, got None'):
-        TransformBuffer.copy_of(cast(TransformBuffer, None))
-
-
-def test_a_long_stream_is_that_of_the_model():
-    """Hundreds of samples expire; some are late, some have another parent, all come twice."""
-    buffer, model, random = TransformBuffer(S), Model(S), np.random.default_rng(1)
-    for i in range(3000):
-        stamp = T + i * S // 100
-        if i % 7 == 0:
-            stamp -= int(random.integers(0, 90)) * S // 100
-        parent = 'p1' if i % 1000 < 900 else 'p2'
-        pose = (*random.normal(size=3).tolist(), *random.normal(size=4).tolist())
-        for _ in range(2):
-            assert buffer.insert(stamp, parent, 'c', pose) == model.insert(
-                stamp, parent, 'c', pose[:3], pose[3:], False)
-        if i % 50 == 49:
-            assert buffer.frames()[0].length == len(model.samples['c'])
-            for time in model.samples['c'][-1][0] - 1, stamp - S // 3, stamp - S // 200, 0:
-                assert are_equal(outcome(buffer.lookup_transform, parent, 'c', time),
-                                 model.lookup(parent, 'c', time))
 
 
 def test_clear_forgets_what_moves():
@@ -706,26 +660,6 @@ def test_everything_that_is_known_as_json():
     buffer.clear()
     assert buffer.dump()['tool'] == {**nothing, 'arrived': 0}
     assert buffer.dump()['fixed'] == known['fixed']
-
-
-def test_a_buffer_is_loaded():
-    """It has the same bits, and keeps what is inserted later."""
-    buffer, random = TransformBuffer(10 * S), np.random.default_rng(1)
-    for i in range(50):
-        pose = cast(Any, random.normal(size=7))
-        buffer.insert(T + i * S // 10, 'map' if i < 30 else 'odom', 'base', pose)
-    put(buffer, 'odom', 'map', T, 1.0, is_static=True)
-    put(buffer, 'base', 'tool', T, math.inf)  # is stored as NaN
-    loaded = TransformBuffer.load(json.loads(json.dumps(buffer.dump())))
-    assert str(loaded.dump()) == str(buffer.dump())
-    assert loaded.frames() == buffer.frames()
-    times = T + np.arange(0, 5 * S, S // 30)
-    assert np.array_equal(loaded.lookup_transforms('odom', 'base', times, as_matrices=True),
-                          buffer.lookup_transforms('odom', 'base', times, as_matrices=True),
-                          equal_nan=True)
-    for stamp in 1 - 2**63, 2**63 - 1:
-        put(loaded, 'map', 'base', stamp)
-    assert loaded.path_stamps('map', 'base')[[0, -1]].tolist() == [1 - 2**63, 2**63 - 1]
 
 
 @pytest.mark.parametrize(('changes', 'error'), [
