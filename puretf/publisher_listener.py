@@ -64,7 +64,7 @@ class _GidSource(SubscriptionSource):
     def __init__(self, *args: Any, publishers: Publishers, kept: _Kept) -> None:
         super().__init__(*args)
         self._publishers, self._kept = publishers, kept
-        self._takers = {each: Taker(each.handle) for each in self._subscriptions}
+        self._takers = {each: Taker(each.subscription) for each in self._subscriptions}
 
     def _take(self, subscription: TopicSubscription) -> list[ReceivedMessage]:
         taken = self._takers[subscription].take(subscription.max_messages)

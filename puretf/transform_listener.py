@@ -19,11 +19,12 @@ from puretf._causes.facts import Blocked, Surroundings
 from puretf._core.engine import Engine, engine_of
 from puretf._core.texts import ThrottledLog
 from puretf._ros.graph import blocked_nodes, surroundings
-from puretf._ros.listener_thread import ListenerThread, NodeThread, SpinThread
+from puretf._ros.listener_thread import ListenerThread, MessageWait, NodeThread, SpinThread
 from puretf._ros.messages import TFMessage
 from puretf._ros.other_topics import Ear
+from puretf._ros.own_node import OwnNode
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC
-from puretf._ros.rclpy_private import subscribe
+from puretf._ros.rclpy_private import missing_part, subscribe
 from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
 from puretf._wire import cdr
 from puretf.buffer_core import BufferCore
@@ -94,6 +95,7 @@ class TransformListener:
         #: The generation of the data after the last update by the listener's thread.
         self._seen = -1
         #: The subscription to the topic of dynamic transforms; None in a StaticTransformListener.
+        self._own = None if self._uses_callbacks or not missing_part() else OwnNode(node)
         self.tf_sub = self._subscribe(
             tf_topic, self.callback, profile(qos, TF)) if self._has_tf else None
         self.tf_static_sub = self._subscribe(
@@ -106,10 +108,11 @@ class TransformListener:
             self._thread = SpinThread(node, self.group, self._end, self._release)
             self._source = NoMessages(node.context.ok)
         else:
-            self._qos_monitors += map(QosMonitor, self.subscriptions)
+            if self._own is None:
+                self._qos_monitors += map(QosMonitor, self.subscriptions)
             self._thread = ListenerThread(
-                node, self.group, self.tf_static_sub, self.tf_sub, self._work,
-                self._end, self._release)
+                node, self.group, self._own or MessageWait(node, self.tf_static_sub, self.tf_sub),
+                self._work, self._end, self._release)
             self._source = self._create_source(
                 self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         if self._engine is not None:
@@ -120,10 +123,12 @@ class TransformListener:
             self._thread.start()
 
     def _subscribe(self, topic: str, callback: Callable[[TFMessage], None], qos: QoSProfile
-                   ) -> Subscription:
+                   ) -> Any:
         if self._uses_callbacks:
             return self.node.create_subscription(
                 TFMessage, topic, callback, qos, callback_group=self.group)
+        if self._own:
+            return self._own.subscribe(TFMessage, topic, qos)
         return subscribe(self.node, TFMessage, topic, callback, qos, self.group)
 
     def _create_source(self, *args: Any) -> SubscriptionSource:

@@ -2,10 +2,12 @@
 
 from importlib import import_module
 
+from puretf._text.distribution import ros_packages
+
 try:
     for _name in 'geometry_msgs', 'nav_msgs', 'rclpy', 'sensor_msgs', 'std_msgs':
         import_module(_name)
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
         f'this module needs ROS 2, but {error.name} is not installed: pip install '
-        '"ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces', name=error.name) from None
+        f'{ros_packages()}', name=error.name) from None

@@ -7,7 +7,7 @@ import os
 from threading import current_thread, RLock, Thread
 from threading import enumerate as running_threads
 from time import monotonic
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
+from puretf._ros.own_node import OwnNode
 from puretf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 
 #: The longest wait (s): a signal that shuts ROS down does not wake the thread.
@@ -59,9 +60,12 @@ class NodeThread(Thread):
         try:
             self.work_until_end()
         except (InvalidHandle, RCLError):
-            if (not self.must_end and self._node.context.ok()
-                    and self._first_publisher in self._node.publishers):
+            if self._goes_on():
                 raise
+
+    def _goes_on(self) -> bool:
+        return (not self.must_end and self._node.context.ok()
+                and self._first_publisher in (None, *self._node.publishers))
 
     def end(self) -> None:
         self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
@@ -119,31 +123,54 @@ class _Executor(SingleThreadedExecutor):
             super().wake()
 
 
+class MessageWait:
+    """A wait for the messages of subscriptions to static transforms, and to dynamic ones."""
+
+    def __init__(self, node: Node, tf_static: Subscription, tf: Optional[Subscription]) -> None:
+        self._guard = GuardCondition(None, None, context=node.context)
+        self._tf_static, self._tf = tf_static, tf
+        context = node.context.handle
+        assert context is not None  # a context with a node has a handle
+        self._wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
+
+    def wait(self, limit: float, only_static: bool) -> None:
+        """Wait for at most a time (s), or until `wake` is called."""
+        tf, wait_set = self._tf or self._tf_static, self._wait_set
+        with self._guard.handle, self._tf_static.handle, tf.handle:
+            wait_set.clear_entities()
+            wait_set.add_guard_condition(self._guard.handle)
+            wait_set.add_subscription(self._tf_static.handle)
+            if self._tf is not None and not only_static:
+                wait_set.add_subscription(tf.handle)
+            wait_set.wait(int(limit * 1e9))
+
+    def wake(self) -> None:
+        with suppress(InvalidHandle, RCLError):  # if the thread ends at this moment
+            self._guard.trigger()
+
+
 class ListenerThread(NodeThread):
     """
     A thread that calls `work` whenever messages arrive, and at least 5 times a second.
 
-    It waits with a wait set of its own. In a pause, messages of /tf do not wake it, so that the
-    next call handles several of them. It calls `on_end` at its end.
+    In a pause, messages of /tf do not wake it, so that the next call handles several of them. It
+    calls `on_end` at its end.
 
     `work` returns whether there are new data, whether a future was completed (the executor is then
     woken at once), and how long the thread may leave messages of /tf in the queue (s).
     """
 
-    def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription,
-                 tf: Optional[Subscription], work: Callable[[], tuple[bool, bool, float]],
+    def __init__(self, node: Node, group: CallbackGroup, messages: Union[MessageWait, OwnNode],
+                 work: Callable[[], tuple[bool, bool, float]],
                  on_end: Callable[[], object], release: Callable[[], object],
                  clock: Callable[[], float] = monotonic) -> None:
-        self._wake = GuardCondition(None, None, context=node.context)
         super().__init__(node, group, on_end, release)
-        self._clock, self._work = clock, work
-        self._tf_static, self._tf = tf_static, tf
+        self._messages, self._clock, self._work = messages, clock, work
         self._is_wake_pending = False
         self._next_wake = 0.0
 
     def wake(self) -> None:
-        with suppress(InvalidHandle, RCLError):  # if the thread ends at this moment
-            self._wake.trigger()
+        self._messages.wake()
 
     def run(self) -> None:
         try:
@@ -155,10 +182,8 @@ class ListenerThread(NodeThread):
             self._on_end()
 
     def work_until_end(self) -> None:
-        context = self._node.context.handle
-        assert context is not None  # a context with a node has a handle
-        wait_set, pause = WaitSet(2, 1, 0, 0, 0, 0, context), 0.0
-        while self._wait(wait_set, pause):
+        pause = 0.0
+        while self._wait(pause):
             has_news, is_urgent, pause = self._work()
             self._is_wake_pending |= has_news
             if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
@@ -171,23 +196,16 @@ class ListenerThread(NodeThread):
             if not self._is_released:
                 self._guard.trigger()
 
-    def _wait(self, wait_set: Any, pause: float) -> bool:
+    def _wait(self, pause: float) -> bool:
         """Wait for messages; return False if the thread must end."""
-        tf = self._tf or self._tf_static
         with self._using:
-            if self.must_end or not self._node.context.ok():
+            if not self._goes_on():
                 return False
-            with self._wake.handle, self._tf_static.handle, tf.handle:
-                wait_set.clear_entities()
-                wait_set.add_guard_condition(self._wake.handle)
-                wait_set.add_subscription(self._tf_static.handle)
-                if self._tf is not None and not pause:
-                    wait_set.add_subscription(tf.handle)
-                limit = pause or _MAX_WAIT
-                if self._is_wake_pending and not pause:
-                    limit = min(limit, max(0.0, self._next_wake - self._clock()))
-                wait_set.wait(int(limit * 1e9))
-            return not self.must_end and self._node.context.ok()
+            limit = pause or _MAX_WAIT
+            if self._is_wake_pending and not pause:
+                limit = min(limit, max(0.0, self._next_wake - self._clock()))
+            self._messages.wait(limit, bool(pause))
+            return self._goes_on()
 
 
 @atexit.register

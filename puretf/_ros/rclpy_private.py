@@ -9,6 +9,7 @@ from collections.abc import Callable
 import ctypes
 from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache, partial
+import inspect
 from itertools import islice
 from typing import Any, Optional
 from weakref import finalize
@@ -104,6 +105,49 @@ def _deserialize_any(data: bytes, message_type: type) -> Any:
     return _deserialize(data, message_type)
 
 
+def _has(owner: Any, *names: str) -> bool:
+    return all(hasattr(owner, name) for name in names)
+
+
+def _takes(function: Any, *names: str) -> bool:
+    return {*names} <= inspect.signature(function).parameters.keys()
+
+
+def _exchanges_bytes() -> bool:
+    from geometry_msgs.msg import Point
+    check_is_valid_msg_type(Point)  # this loads its type support
+    point = Point(x=1.0)
+    return bool(_deserialize(_serialize(point, Point), Point) == point)
+
+
+#: By name: whether a private part is as a listener needs it.
+_PARTS: dict[str, Callable[[], bool]] = {
+    'the class Subscription': lambda: _takes(
+        Subscription, 'callback_group', 'qos_profile', 'raw', 'event_callbacks'),
+    'the compiled Subscription': lambda: _has(
+        _rclpy.Subscription, 'take_message', 'destroy_when_not_in_use', 'get_topic_name'),
+    'the compiled EventHandle': lambda: _has(
+        _rclpy.EventHandle, 'take_event', 'destroy_when_not_in_use'),
+    'the compiled WaitSet': lambda: _has(
+        _rclpy.WaitSet, 'clear_entities', 'add_subscription', 'add_guard_condition', 'wait'),
+    'the class GuardCondition': lambda: _takes(
+        GuardCondition, 'callback', 'callback_group', 'context'),
+    'its serialization': _exchanges_bytes}
+
+
+@cache
+def missing_part() -> str:
+    """Return the first private part that is not as a listener needs it; '' if there is none."""
+    for name, is_there in _PARTS.items():
+        try:
+            fits = is_there()
+        except Exception:
+            fits = False
+        if not fits:
+            return name
+    return ''
+
+
 def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[Any], None],
               qos: QoSProfile, group: CallbackGroup) -> Subscription:
     """
@@ -116,19 +160,25 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
     validate_full_topic_name(expand_topic_name(topic, node.get_name(), node.get_namespace()))
     with node.handle:
         handle = _rclpy.Subscription(node.handle, message_type, topic, qos.get_c_qos_profile())
-    return Subscription(handle, message_type, topic, callback, group, qos, True,
-                        SubscriptionEventCallbacks(use_default_callbacks=False))
+    # rclpy 10 takes some of them by keyword only.
+    return Subscription(
+        handle, message_type, topic, callback, callback_group=group, qos_profile=qos, raw=True,
+        event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
 
 
-def take_bytes(handle: Any, most: int) -> list[tuple[bytes, Any]]:
+def take_bytes(subscription: Any, most: int) -> list[tuple[bytes, Any]]:
     """Take at most a number of the messages that have arrived, each as its bytes and its info."""
+    if not isinstance(subscription, Subscription):
+        return subscription.take(most)  # type: ignore[no-any-return]  # of a node of our own
+    handle = subscription.handle
     with handle:
-        return [*islice(iter(partial(_take_message, handle, None, True), None), most)]
+        # The type does not matter.
+        return [*islice(iter(partial(_take_message, handle, object, True), None), most)]
 
 
 def is_given(node: Node, parameter: str) -> bool:
     """Return whether the user has set a parameter by ROS arguments."""
-    return parameter in node._parameter_overrides
+    return parameter in getattr(node, '_parameter_overrides', ())
 
 
 def incompatible_qos(subscription: Subscription) -> Any:
@@ -239,9 +289,12 @@ def rmw_subscription(handle: Any) -> Any:
 class Taker:
     """An object that takes messages, each with the gid of its publisher, which rclpy hides."""
 
-    def __init__(self, handle: Any) -> None:
-        """Create the structs into which rcl writes; without `rcl_take`, no gid is known."""
-        self._handle, self._take = handle, rcl_take()
+    def __init__(self, subscription: Any) -> None:
+        """Create the structs into which rcl writes; without them, rclpy must tell the gid."""
+        self._subscription = subscription
+        is_of_rclpy = isinstance(subscription, Subscription)
+        self._handle: Any = subscription.handle if is_of_rclpy else None
+        self._take: Any = rcl_take() if is_of_rclpy else None
         is_cyclone = get_rmw_implementation_identifier() == cyclone_dds.IDENTIFIER
         #: False if the time of reception is the time at which the message is taken.
         self.has_reception_times = not is_cyclone
@@ -249,7 +302,7 @@ class Taker:
         if self._take is None:
             return
         self._gid_of = cyclone_dds.gid_translator(
-            rmw_subscription(handle).data) if is_cyclone else None
+            rmw_subscription(self._handle).data) if is_cyclone else None
         rcutils = ctypes.PyDLL('librcutils.so')
         rcutils.rcutils_get_default_allocator.restype = _Allocator
         self._bytes = _Bytes(allocator=rcutils.rcutils_get_default_allocator())
@@ -259,8 +312,9 @@ class Taker:
     def take(self, most: int) -> list[_Taken]:
         """Take the messages that have arrived; only one thread at a time may call this."""
         if self._take is None:
-            taken = [(data, '', info['received_timestamp'] or 0, info['source_timestamp'] or 0)
-                     for data, info in take_bytes(self._handle, most)]
+            taken = [(data, _gid(info), info['received_timestamp'] or 0,
+                      info['source_timestamp'] or 0)
+                     for data, info in take_bytes(self._subscription, most)]
         else:
             with self._handle:
                 taken = [*islice(iter(self._take_one, None), most)]
@@ -282,3 +336,9 @@ class Taker:
         return (ctypes.string_at(written.buffer, written.length),
                 self._gid_of(gid) if self._gid_of else gid, info.received_timestamp,
                 info.source_timestamp)
+
+
+def _gid(info: Any) -> str:
+    """Return the gid of the publisher (hex), which rclpy tells from 9 on."""
+    gid = info.get('publisher_gid')
+    return gid['data'][:GID_SIZE].hex() if gid else ''

@@ -36,7 +36,7 @@ class TopicSubscription:
 
     def __init__(self, subscription: Subscription, is_static: bool,
                  on_fault: Callable[[Exception], None]) -> None:
-        self.handle: Any = subscription.handle
+        self.subscription = subscription
         self.destroy = subscription.destroy
         self.is_static = is_static
         qos = subscription.qos_profile
@@ -107,7 +107,7 @@ class SubscriptionSource:
                 subscription.destroy()
 
     def _take(self, subscription: TopicSubscription) -> list[Any]:
-        return take_bytes(subscription.handle, subscription.max_messages)
+        return take_bytes(subscription.subscription, subscription.max_messages)
 
     def _read(self, subscription: TopicSubscription, messages: list[Any]) -> list[BatchOrRows]:
         return subscription.reader.read(

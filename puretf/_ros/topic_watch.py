@@ -11,7 +11,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from puretf._causes.facts import UNKNOWN
 from puretf._core.pose import Row
 from puretf._ros.graph import nodes_by_gid
-from puretf._ros.rclpy_private import subscribe, Taker
+from puretf._ros.own_node import subscribe_to_bytes
+from puretf._ros.rclpy_private import Taker
 from puretf._wire import cdr
 from puretf._wire.message_reader import Encoding
 
@@ -112,9 +113,8 @@ class TopicReader(Publishers):
         qos = QoSProfile(depth=depth, reliability=reliability, durability=durability)
         #: The time of the last `take`, and the shortest time between sending and arrival (ns).
         self._last_take, self._delay = self.begin, 2**63
-        self._subscription = subscribe(
-            node, message_type, topic, lambda _: None, qos, node.default_callback_group)
-        self._taker = Taker(self._subscription.handle)
+        self._subscription = subscribe_to_bytes(node, message_type, topic, qos)
+        self._taker = Taker(self._subscription)
         self.topic: str = self._subscription.topic_name  #: after remapping
         super().__init__(node, [topic])
 

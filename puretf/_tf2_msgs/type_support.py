@@ -28,6 +28,8 @@ from typing import Any, Optional
 from geometry_msgs.msg import Polygon, TransformStamped
 from rclpy.type_support import check_for_type_support
 
+from puretf._text.distribution import distribution, rclpy_version
+
 _NAME = 'tf2_msgs/msg/TFMessage'
 #: The hashes of the description below and of that of TransformStamped, as in REP-2011.
 _HASH = 'e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
@@ -146,11 +148,17 @@ class _Handle(c_void_p):
 
 
 def _expect(what: str, expected: object, found: object) -> None:
-    """Raise an ImportError if a value from C code differs from the value in ROS 2 Jazzy."""
+    """Raise an ImportError if a value differs from that in ROS 2 Jazzy and Kilted."""
     if expected != found:
         raise ImportError(
-            f'cannot create {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy: '
-            f'expected {expected!r}, found {found!r}; install tf2_msgs')
+            f'cannot create {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy and '
+            f'Kilted: expected {expected!r}, found {found!r}; install '
+            f'ros-{distribution()}-tf2-msgs by apt or conda', name='tf2_msgs')
+
+
+# From rclpy 10 on, structs that C code reads here are longer.
+_expect('the release of rclpy', '7 or 9', '7 or 9' if rclpy_version().split('.')[0] in (
+    '7', '9') else rclpy_version())
 
 
 _get_capsule_name = ctypes.PYFUNCTYPE(c_char_p, ctypes.py_object)(

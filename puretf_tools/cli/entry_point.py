@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 import sys
 
+from puretf._text.distribution import ros_packages
 from puretf_tools.cli.signals import begin_exit, record_signals, signal_received
 
 _ROS = ('rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'sensor_msgs',
@@ -34,12 +35,15 @@ def entry_point(module: str, interrupted: int = 0,
             return interrupted if is_ended else int(main())
         except KeyboardInterrupt:
             return interrupted
-        except ModuleNotFoundError as error:
+        except ImportError as error:
+            if error.name == 'tf2_msgs':  # its message cannot be made at run time
+                print(f'{module.rpartition(".")[2]}: {error}', file=sys.stderr)
+                return 1
             if error.name not in _ROS:
                 raise
             print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot '
-                  "be imported: pip install 'ros-jazzy-rclpy[fastrtps]' "
-                  'ros-jazzy-common-interfaces, or source the setup file of a ROS installation. '
+                  f'be imported: pip install {ros_packages()}, or source the setup file of a ROS '
+                  'installation. '
                   'check_arm, tf2_echo, tf_doctor, tf_trajectory, view_frames and web_view can '
                   'read a bag without ROS: --bag FILE', file=sys.stderr)
             return 1

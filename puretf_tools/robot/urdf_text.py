@@ -11,6 +11,7 @@ from typing import NoReturn, Optional, Union
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from puretf._text.distribution import distribution
 from puretf._text.names import abbreviated, quoted, visible
 from puretf_tools.cli.parser import UsageError
 
@@ -96,7 +97,7 @@ def _expand(path: str, arguments: Mapping[str, str]) -> str:
         import xacro
     except ImportError:
         refuse(f'cannot read {path}: xacro is missing: '
-               'pip install xacro, or apt install ros-jazzy-xacro')
+               f'pip install xacro, or apt install ros-{distribution()}-xacro')
     try:
         return str(xacro.process_file(path, mappings={**arguments}).toxml())
     except Exception as error:  # a macro is a program: any error is possible

@@ -16,6 +16,7 @@ from std_msgs.msg import Header
 from type_description_interfaces.srv import GetTypeDescription
 
 from puretf import TFMessage
+from puretf._text.distribution import distribution
 
 HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 
@@ -246,12 +247,26 @@ def imported_anew(name):
 @made_at_run_time
 @pytest.mark.parametrize(('name', 'error'), [
     ('Polygon', r"expected .*, found \(b'geometry_msgs__msg', b'Point32', 3, 12\)"),
-    ('TransformStamped', "the hash of TransformStamped is not as in ROS 2 Jazzy: expected '0a24")])
+    ('TransformStamped',
+     "the hash of TransformStamped is not as in ROS 2 Jazzy and Kilted: expected '0a24")])
 def test_a_mismatch_is_an_import_error(monkeypatch, name, error):
     """If geometry_msgs is not that of Jazzy, the error says what was expected and found."""
     monkeypatch.setattr(msg, name, msg.Point32)
     with pytest.raises(ImportError, match=error):
         imported_anew('puretf._tf2_msgs.type_support')
+
+
+@made_at_run_time
+def test_a_command_names_the_package_that_is_missing(start):
+    """With an rclpy that was not read, no message is made at run time."""
+    process = start('-c', 'import sys\nfrom puretf._text import distribution\n'
+                    "distribution.rclpy_version = lambda: '10.0.9'\n"
+                    'from puretf_tools.entry_points import view_frames\nsys.exit(view_frames())')
+    assert process.exit_code() == 1
+    assert process.output == (
+        'view_frames: cannot create tf2_msgs/msg/TFMessage without tf2_msgs, because the release '
+        "of rclpy is not as in ROS 2 Jazzy and Kilted: expected '7 or 9', found '10.0.9'; install "
+        f'ros-{distribution()}-tf2-msgs by apt or conda\n')
 
 
 def test_the_real_one_is_used_where_it_is(monkeypatch, tmp_path):

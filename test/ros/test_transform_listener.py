@@ -38,7 +38,7 @@ from puretf import (
     TransformListener,
 )
 from puretf._core.engine import engine_of
-from puretf._ros.listener_thread import ListenerThread
+from puretf._ros.listener_thread import ListenerThread, MessageWait
 from puretf._ros.rclpy_private import subscribe
 from puretf._ros.subscription import QosMonitor, SubscriptionSource
 
@@ -199,8 +199,9 @@ def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
     tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, LATCHED,
                                ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
     before = {*ros.node.guards}
-    thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
-                            ignore_nothing, ignore_nothing, lambda: now)
+    thread = ListenerThread(
+        ros.node, ros.node.default_callback_group, MessageWait(ros.node, tf_static, tf), work,
+        ignore_nothing, ignore_nothing, lambda: now)
     (guard,) = {*ros.node.guards} - before
     guard.trigger = lambda: wakes.append(now)
 

@@ -8,6 +8,8 @@ import sys
 from environment import code_without, HAS_TF2_MSGS, ROOT, ROS
 import pytest
 
+from puretf._text.distribution import ros_packages
+
 COMPAT = ROOT / 'compat'
 needs_compat = pytest.mark.skipif(
     find_spec('_dummy_arm_tf2') is None or HAS_TF2_MSGS,
@@ -51,7 +53,7 @@ for code in ('import tf2_ros', 'import tf2_ros.buffer_client', 'import tf2_geome
         print(error)
 """) == '(0.0, 0.0, 0.0, 1.0)\n' + 7 * (
         'this module needs ROS 2, but geometry_msgs is not installed: pip install '
-        '"ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces\n')
+        f'{ros_packages()}\n')
 
 
 @needs_compat

@@ -1,0 +1,168 @@
+"""Listeners where a private part of rclpy is not as expected: they have a node of their own."""
+
+from endings import end_in_every_order, without_library_lines
+from environment import DESKTOP
+from geometry_msgs.msg import PointStamped
+import pytest
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+from ros_node import eventually, stamped
+from std_msgs.msg import String
+
+from puretf import (
+    Buffer,
+    MessageFilter,
+    StaticTransformBroadcaster,
+    TransformBroadcaster,
+    TransformListener,
+)
+from puretf._ros import own_node, rclpy_private
+from puretf._text.distribution import rclpy_version
+from puretf.publisher_listener import (
+    PublisherListener,
+    ReceivedMessage,
+    TopicReader,
+    TransformSampler,
+    UNKNOWN,
+)
+
+LATEST, WAIT = Time(), Duration(seconds=10.0)
+
+
+@pytest.fixture(autouse=True)
+def without_a_part(monkeypatch):
+    """Let the probe of a private part fail."""
+    monkeypatch.setitem(rclpy_private._PARTS, 'the compiled WaitSet', lambda: False)
+    for function in rclpy_private.missing_part, own_node._warn_once:
+        function.cache_clear()
+    yield
+    monkeypatch.undo()
+    rclpy_private.missing_part.cache_clear()
+
+
+@pytest.fixture
+def remapped(ros):
+    """A node that nobody spins, in a namespace and with another topic for /tf."""
+    node = Node('robot', namespace='/a', context=ros.context,
+                cli_args=['--ros-args', '-r', '/tf:=/other'])
+    yield node
+    node.destroy_node()
+
+
+def own_nodes(node):
+    return [name for name in node.get_node_names() if name.endswith('_tf')]
+
+
+def test_each_part_may_be_missing(start):
+    """A program that never spins hears and looks up; one line says what is missing."""
+    process = start('-c', """
+from puretf._ros import own_node, rclpy_private
+from geometry_msgs.msg import TransformStamped
+import rclpy
+from rclpy.duration import Duration
+from rclpy.time import Time
+from puretf import Buffer, StaticTransformBroadcaster, TransformListener
+
+rclpy.init()
+node = rclpy.create_node('robot')
+transform = TransformStamped(child_frame_id='base')
+transform.header.frame_id = 'map'
+broadcaster = StaticTransformBroadcaster(node)
+broadcaster.sendTransform(transform)
+for name, probe in [*rclpy_private._PARTS.items()]:
+    rclpy_private._PARTS[name] = lambda: 1 / 0
+    rclpy_private.missing_part.cache_clear()
+    own_node._warn_once.cache_clear()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    buffer.lookup_transform('map', 'base', Time(), Duration(seconds=10.0))
+    listener.unregister()
+    rclpy_private._PARTS[name] = probe
+    print(name)
+""", environment=DESKTOP)
+    assert process.exit_code() == 0
+    lines = without_library_lines(process.output).splitlines()
+    parts = [*rclpy_private._PARTS]
+    assert [line for line in lines if 'WARN' not in line] == parts
+    warnings = [line for line in lines if 'WARN' in line]
+    assert len(warnings) == len(parts)
+    for name, warning in zip(parts, warnings):
+        assert warning.partition('[robot]: ')[2].startswith(
+            f'rclpy {rclpy_version()} differs from 7.1 and 9.1 in {name}. So transforms ')
+
+
+def test_a_listener(ros, remapped):
+    """Remapping applies; the listener and its node end with the node of the user."""
+    buffer = Buffer(node=remapped)
+    listener = PublisherListener(buffer, remapped)
+    other = Node('sender', context=ros.context, cli_args=['--ros-args', '-r', '/tf:=/other'])
+    broadcaster = TransformBroadcaster(other)
+    future = buffer.wait_for_transform_async('map', 'tool', LATEST)
+    StaticTransformBroadcaster(other).sendTransform(stamped('arm', 'tool'))
+    eventually(broadcaster.pub_tf.get_subscription_count)
+    broadcaster.sendTransform(stamped('map', 'arm', 5))
+    found = buffer.lookup_transform('map', 'tool', LATEST, WAIT)
+    assert Time.from_msg(found.header.stamp).nanoseconds == 5
+    eventually(future.done)
+    assert {frame.authority for frame in listener.frames()} == {
+        UNKNOWN if rclpy_version().startswith('7.') else '/sender'}
+    assert own_nodes(ros.node) == ['robot_tf']
+    remapped.destroy_node()
+    eventually(lambda: not own_nodes(ros.node))
+    with pytest.raises(Exception, match='nothing'):
+        buffer.lookup_transform('map', 'nothing', LATEST)
+
+
+@pytest.mark.parametrize('where', ['main', 'executor', 'thread'])
+def test_every_order_of_ending(domain_id, capfd, where):
+    """As of another listener."""
+    end_in_every_order(domain_id, where)
+    assert [line for line in without_library_lines(capfd.readouterr().err).splitlines()
+            if 'differs from 7.1 and 9.1' not in line] == []
+
+
+def test_other_readers(ros):
+    """A reader and a sampler take what has arrived; their nodes end with them."""
+    publisher = ros.node.create_publisher(String, 'text', 1)
+    reader = TopicReader(ros.node, String, 'text', 1)
+    eventually(publisher.get_subscription_count)
+    publisher.publish(String(data='good'))
+    taken: list[list[ReceivedMessage]] = []
+
+    def take():
+        taken.append(reader.take())
+        return any(taken)
+
+    eventually(take)
+    assert [message for each in taken for message in each] == [
+        serialize_message(String(data='good'))]
+    reader.close()
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform(stamped('map', 'base'))
+    sampler = TransformSampler(ros.node, [])
+
+    def heard():
+        sampler.poll()
+        return [each.parents for each in sampler.heard()]
+
+    eventually(lambda: heard() == [{'base': 'map'}])
+    sampler.close()
+    assert own_nodes(ros.node) == []
+
+
+def test_a_filter(ros):
+    """It passes a message when the transform has arrived."""
+    passed: list[PointStamped] = []
+    buffer, message = Buffer(), PointStamped()
+    listener = TransformListener(buffer, ros.node)
+    message.header.frame_id = 'base'
+    filtered = MessageFilter(None, buffer, 'map', 1, ros.node)
+    filtered.registerCallback(passed.append)
+    filtered.add(message)
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform(stamped('map', 'base'))
+    ros.until(lambda: passed == [message])
+    filtered.unregister()
+    listener.unregister()
