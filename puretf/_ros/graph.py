@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import currentframe
 from traceback import walk_stack
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -12,12 +13,14 @@ from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from puretf._causes.domains import described, other_user
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings, UNKNOWN
 from puretf._ros.rclpy_private import GID_SIZE
 from puretf._text.names import full_name, namespace_distance, TF_MESSAGE
+
+if TYPE_CHECKING:  # of another module in rclpy 10
+    from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
@@ -27,12 +30,12 @@ broadcast: WeakKeyDictionary[Node, set[str]] = WeakKeyDictionary()
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 
 
-def gid_of(info: TopicEndpointInfo) -> str:
+def gid_of(info: 'TopicEndpointInfo') -> str:
     """Return the gid (in hex) of a publisher in the ROS graph."""
     return bytes(info.endpoint_gid[:GID_SIZE]).hex()
 
 
-def node_of(info: TopicEndpointInfo) -> str:
+def node_of(info: 'TopicEndpointInfo') -> str:
     """Return the full name of a publisher's node; UNKNOWN if it is not discovered yet."""
     return (UNKNOWN if info.node_name == _UNKNOWN_NODE
             else full_name(info.node_namespace, info.node_name))

@@ -98,7 +98,8 @@ class SpinThread(NodeThread):
         self._end = Future()
 
     def wake(self) -> None:
-        self._end.set_result(None)
+        if not self._end.done():
+            self._end.set_result(None)
 
     def stop(self) -> None:
         super().stop()
