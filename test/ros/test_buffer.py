@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import gc
 import sys
 import threading
+import time
 import weakref
 
 from geometry_msgs.msg import TransformStamped
@@ -54,6 +55,15 @@ def feed(buffer, *transforms):
     """Insert transforms in another thread as soon as the buffer has waiters; return the thread."""
     return when_awaited(buffer, lambda: [
         buffer.set_transform(transform, 'test') for transform in transforms])
+
+
+def test_new_data_wake_a_lookup(monkeypatch):
+    """It does not wait for its next attempt."""
+    monkeypatch.setattr('puretf._core.engine._RETRY_INTERVAL', 1e6)
+    buffer, begin = Buffer(), time.monotonic()
+    feed(buffer, stamped())
+    assert buffer.lookup_transform('map', 'tool', T, LONG) == stamped()
+    assert time.monotonic() < begin + TIMEOUT / 2
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from messages import golden_messages
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
+from type_description_interfaces.msg import FieldType
 from type_description_interfaces.srv import GetTypeDescription
 
 from puretf import TFMessage
@@ -226,7 +227,13 @@ def test_its_type_description_is_served(ros):
     ros.until(future.done)
     answer = future.result()
     assert answer.successful, answer.failure_reason
-    assert answer.type_description.type_description.type_name == 'tf2_msgs/msg/TFMessage'
+    found = answer.type_description.type_description
+    assert found.type_name == 'tf2_msgs/msg/TFMessage'
+    (field,) = found.fields
+    assert (field.name, field.type.type_id, field.type.nested_type_name) == (
+        'transforms', FieldType.FIELD_TYPE_NESTED_TYPE_UNBOUNDED_SEQUENCE,
+        'geometry_msgs/msg/TransformStamped')
+    assert (field.type.capacity, field.type.string_capacity, field.default_value) == (0, 0, '')
     assert sorted(t.type_name for t in answer.type_description.referenced_type_descriptions) == [
         'builtin_interfaces/msg/Time', 'geometry_msgs/msg/Quaternion',
         'geometry_msgs/msg/Transform', 'geometry_msgs/msg/TransformStamped',

@@ -317,6 +317,8 @@ def test_a_drawing_shows_the_rows(run, drawn, arm_bag, tmp_path):
     expected[:, 3:6] *= 180.0 / pi
     np.testing.assert_allclose(shown, expected.T, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(panels[0].lines[0].get_xdata()[1:], (stamps - stamps[0]) / S)
+    assert [axes.xaxis.get_major_ticks()[0].label1.get_visible() for axes in panels] == [
+        False, False, False, True]
     path, start, end = (line.get_xydata() for line in above.lines)
     np.testing.assert_allclose(path[1:], numbers[:, :2])
     np.testing.assert_allclose([start[0], end[0]], numbers[[0, -1], :2])
