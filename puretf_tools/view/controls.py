@@ -1,7 +1,8 @@
-"""What the panels are made of: choices, rows and texts."""
+"""What the panels are made of: keys, choices, rows and texts."""
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
+from functools import partial
 from html import escape
 from typing import Any, NamedTuple, Optional
 
@@ -19,6 +20,20 @@ STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
          'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 #: A click selects the whole text.
 _COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
+
+
+def add_keys(gui: viser.GuiApi, time: Any, on_view: Callable[..., Awaitable[object]],
+             on_reset: Callable[[Any], Awaitable[object]]) -> None:
+    """Add the keys of the page, by what viser's list of commands says of them."""
+    for key, text, callback in (
+            ('P', 'Pause or resume', time.on_pause),
+            ('B', 'Step back', partial(time.on_step, True)),
+            ('N', 'Step forward', partial(time.on_step, False)),
+            ('A', 'Focus on all frames', partial(on_view, view='all')),
+            ('F', 'Focus on the selected frame', partial(on_view, view='frame')),
+            ('T', 'Look from the top', partial(on_view, view='top')),
+            ('R', 'Reset view', on_reset)):
+        gui.add_command(text, hotkey=key).on_trigger(callback)
 
 
 class Choice:

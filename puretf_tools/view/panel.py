@@ -5,13 +5,21 @@ from contextlib import suppress
 from functools import partial
 import json
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Any, Optional
 
 import viser
 
 from puretf_tools.view.axes_and_trail import Display
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import AUTOMATIC, Choice, copied, FrameChoice, html, LAST
+from puretf_tools.view.controls import (
+    add_keys,
+    AUTOMATIC,
+    Choice,
+    copied,
+    FrameChoice,
+    html,
+    LAST,
+)
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.pair import Pair
@@ -71,7 +79,7 @@ class Panel:
             self._pause.on_update(self._on_pause)
             gui.add_button_group('Transforms', ('reset',)).on_click(lambda _: feed.reset())
         self.fixed = FrameChoice(gui, 'Fixed frame', AUTOMATIC, settings)
-        self._add_keys(gui, playback or self)
+        add_keys(gui, playback or self, self._on_view, self._on_reset_view)
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
         tabs = gui.add_tab_group()
         self.robot = RobotTab(gui, tabs, feed.joint_controls)
@@ -140,18 +148,6 @@ class Panel:
         self.back.disabled = not event.target.value
         if self.back.disabled:
             self.back.value = 0.0
-
-    def _add_keys(self, gui: viser.GuiApi, time: Union['Panel', Playback]) -> None:
-        """Add the keys of the page, by what viser's list of commands says of them."""
-        for key, text, callback in (
-                ('P', 'Pause or resume', time.on_pause),
-                ('B', 'Step back', partial(time.on_step, True)),
-                ('N', 'Step forward', partial(time.on_step, False)),
-                ('A', 'Focus on all frames', partial(self._on_view, view='all')),
-                ('F', 'Focus on the selected frame', partial(self._on_view, view='frame')),
-                ('T', 'Look from the top', partial(self._on_view, view='top')),
-                ('R', 'Reset view', self._on_reset_view)):
-            gui.add_command(text, hotkey=key).on_trigger(callback)
 
     async def on_pause(self, _: Any) -> None:
         """Pause or resume."""

@@ -52,6 +52,8 @@ class Ending:
         self.broadcaster = TransformBroadcaster(self.node)
         self.prepared = self.broadcaster.prepare(
             [(f'frame_{i}', f'frame_{i + 1}') for i in range(FRAMES)])
+        while not self.broadcaster.pub_tf.get_subscription_count():  # Fast DDS 3 takes a moment
+            time.sleep(0.001)
         self.publish(1)
         self.buffer.lookup_transform('frame_0', f'frame_{FRAMES}', LATEST, timeout=WAIT)
 
