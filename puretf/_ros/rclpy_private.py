@@ -178,7 +178,10 @@ def take_bytes(subscription: Any, most: int) -> list[tuple[bytes, Any]]:
 
 def is_given(node: Node, parameter: str) -> bool:
     """Return whether the user has set a parameter by ROS arguments."""
-    return parameter in getattr(node, '_parameter_overrides', ())
+    try:
+        return parameter in node._parameter_overrides
+    except AttributeError:
+        return False
 
 
 def incompatible_qos(subscription: Subscription) -> Any:

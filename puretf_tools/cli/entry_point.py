@@ -5,7 +5,6 @@ from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 import sys
 
-from puretf._text.distribution import ros_packages
 from puretf_tools.cli.signals import begin_exit, record_signals, signal_received
 
 _ROS = ('rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'sensor_msgs',
@@ -41,6 +40,7 @@ def entry_point(module: str, interrupted: int = 0,
                 return 1
             if error.name not in _ROS:
                 raise
+            from puretf._text.distribution import ros_packages
             print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot '
                   f'be imported: pip install {ros_packages()}, or source the setup file of a ROS '
                   'installation. '

@@ -85,7 +85,7 @@ def test_no_module_imports_itself_by_way_of_others():
 def test_the_entry_points_import_nothing_but_signals():
     """They import the modules of commands by name, once signals are recorded."""
     for package in 'puretf_tools', 'dummy_arm':
-        assert own(reached(modules()[f'{package}.entry_points'])) == {
+        assert own(reached(modules()[f'{package}.entry_points'], is_late=False)) == {
             'puretf_tools.cli.entry_point', 'puretf_tools.cli.signals'}
 
 
