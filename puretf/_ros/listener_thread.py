@@ -199,14 +199,20 @@ class ListenerThread(NodeThread):
 
     def _wait(self, pause: float) -> bool:
         """Wait for messages; return False if the thread must end."""
-        with self._using:
-            if not self._goes_on():
-                return False
-            limit = pause or _MAX_WAIT
-            if self._is_wake_pending and not pause:
-                limit = min(limit, max(0.0, self._next_wake - self._clock()))
-            self._messages.wait(limit, bool(pause))
-            return self._goes_on()
+        # In rclpy 9, the shutdown of a context has a lock that `ok` needs, and calls `stop`. So
+        # `ok` is not called while handles are used, but by the executor of an OwnNode.
+        if not self._goes_on():
+            return False
+        limit = pause or _MAX_WAIT
+        if self._is_wake_pending and not pause:
+            limit = min(limit, max(0.0, self._next_wake - self._clock()))
+        if isinstance(self._messages, OwnNode):
+            self._messages.wait(limit)
+        else:
+            with self._using:
+                if not self._is_released:
+                    self._messages.wait(limit, bool(pause))
+        return self._goes_on()
 
 
 @atexit.register

@@ -59,7 +59,7 @@ class OwnNode:
             use_global_arguments=False, start_parameter_services=False, enable_rosout=False)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(self._node)
-        self._receiving = Lock()
+        self._receiving, self._is_closed = Lock(), False
         _warn_once(node.get_logger().name)
 
     def subscribe(self, message_type: Any, topic: str, qos: QoSProfile) -> OwnSubscription:
@@ -67,8 +67,8 @@ class OwnNode:
         return OwnSubscription(
             self, self._node, message_type, self._user.resolve_topic_name(topic), qos)
 
-    def wait(self, limit: float, only_static: bool = False) -> None:
-        """Receive what has arrived; wait for it at most a time (s), as `MessageWait` does."""
+    def wait(self, limit: float) -> None:
+        """Receive what has arrived; wait for it at most a time (s), unless another thread does."""
         if self._receiving.acquire(blocking=False):
             try:
                 for _ in range(_MOST):
@@ -81,14 +81,22 @@ class OwnNode:
                 pass
             finally:
                 self._receiving.release()
+            if self._is_closed:
+                self.close()
 
     def wake(self) -> None:
         pass  # a wait is short
 
     def close(self) -> None:
-        with self._receiving, suppress(Exception):  # ROS has been shut down
-            self._executor.shutdown(0.0)
-            self._node.destroy_node()
+        """Destroy the node, now or when the thread that receives has done so."""
+        self._is_closed = True
+        if self._receiving.acquire(blocking=False):
+            try:
+                with suppress(Exception):  # ROS has been shut down
+                    self._executor.shutdown(0.0)
+                    self._node.destroy_node()
+            finally:
+                self._receiving.release()
 
 
 def subscribe_to_bytes(node: Node, message_type: Any, topic: str, qos: QoSProfile
