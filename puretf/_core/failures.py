@@ -68,14 +68,16 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
     if meeting is None:
         return _explained_by_roots(error, tree, target, source)
-    for each in [each for chain in (from_source, from_target)
-                 for each in takewhile(meeting.__ne__, chain)]:
-        if isinstance(history := tree.histories[each], History):
-            # In the second case, the latest time of all edges is the stamp of this one.
-            gap = END if history.is_frozen or (tree.needs_listener and history.latest == time
-                and now - history.advance > RECENT) else history.distance_to(time)
-            if gap > widest:
-                child, worst, widest = each, history, gap
+    for chain in from_source, from_target:
+        for each in chain:
+            if each == meeting:
+                break
+            if isinstance(history := tree.histories[each], History):
+                # In the second case, the latest time of all edges is the stamp of this one.
+                gap = END if history.is_frozen or (tree.needs_listener and history.latest == time
+                    and now - history.advance > RECENT) else history.distance_to(time)
+                if gap > widest:
+                    child, worst, widest = each, history, gap
     if not len(worst):
         return _explained(error, tree, 'cleared', (child,))
     return _explained(

@@ -48,16 +48,17 @@ class Insertion:
         """
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
-        if refusals := texts.refusals(
-                parent, child, pose, authority, not any((qx, qy, qz, qw))):
-            self._tree.note_refusal(child, refusals[0][0], authority)
-            self.log.warn(child, *(text for _, text in refusals), end=partial(
-                publisher_end, self._tree.look, authority, is_static))
-            return False
-        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-            # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
-            # inserted here.
-            pose = (math.nan, math.nan, math.nan, *pose[3:])
+        if not (parent and child and parent != child and math.isfinite(x + y + z + pose[3])):
+            if refusals := texts.refusals(
+                    parent, child, pose, authority, not any((qx, qy, qz, qw))):
+                self._tree.note_refusal(child, refusals[0][0], authority)
+                self.log.warn(child, *(text for _, text in refusals), end=partial(
+                    publisher_end, self._tree.look, authority, is_static))
+                return False
+            if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+                # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN
+                # is inserted here.
+                pose = (math.nan, math.nan, math.nan, *pose[3:])
         histories = self._tree.histories
         history = histories.get(child)
         if (history is None or history.is_static is not is_static
@@ -77,13 +78,14 @@ class Insertion:
             return True
         if not isinstance(history, History):
             histories[child] = history = History(self._tree.cache_time)
-        before, length = history.latest, len(history)
+        stamps, length = history.stamps, len(history)
+        before = stamps[-1] if stamps else 0
         is_accepted = history.insert(stamp, parent, pose, authority)
         self._room += length - (length := len(history))
-        history.arrival = monotonic_ns()
-        if history.latest != before:
-            history.advance = history.arrival
-            if history.arrival >= history.next_offset:
+        history.arrival = now = monotonic_ns()
+        if stamps[-1] != before:
+            history.advance = now
+            if now >= history.next_offset:
                 history.note_offset()
         if not is_accepted:
             history.refusal = history.arrival
