@@ -19,6 +19,7 @@ import pytest
 from transforms3d import affines, axangles, euler
 
 from puretf import Transform
+from puretf._text.distribution import distribution
 from puretf_tools.robot.description import Mimic, parse
 from puretf_tools.robot.urdf_text import DescriptionError, MAX_SIZE, read
 
@@ -555,7 +556,7 @@ def test_a_text_in_place_of_its_file():
 
 
 @pytest.mark.parametrize(('module', 'call', 'remedy'), [
-    ('xacro', 'read(sys.argv[1])', 'apt install ros-jazzy-xacro'),
+    ('xacro', 'read(sys.argv[1])', f'apt install ros-{distribution()}-xacro'),
     ('ament_index_python', 'read(sys.argv[1])', 'write a path relative to the file, or .*')])
 def test_a_missing_package_is_named(tmp_path, module, call, remedy):
     """The error says how to install it, or what to write instead."""

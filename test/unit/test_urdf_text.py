@@ -8,6 +8,7 @@ import sys
 from environment import code_without, DATA, ROS
 import pytest
 
+from puretf._text.distribution import distribution
 from puretf_tools.robot import DescriptionError, parse, read
 
 ROBOTS = DATA / 'robots'
@@ -116,7 +117,7 @@ def test_a_leftover_of_xacro_is_ignored(robots, monkeypatch, is_installed):
         'says why it cannot',)
     assert refused(file.rename(robots / 'leftover.xacro')).endswith(
         'unknown macro name: xacro:grey' if is_installed else
-        'xacro is missing: pip install xacro, or apt install ros-jazzy-xacro')
+        f'xacro is missing: pip install xacro, or apt install ros-{distribution()}-xacro')
 
 
 def test_elements_of_xacro_in_any_file_are_expanded(robots):
