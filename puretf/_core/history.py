@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from puretf._core.frames import Frame
 from puretf._core.pose import Columns, Pose, POSE_BYTES
 from puretf._core.slerp import interpolate_columns
-from puretf._text.times import is_frozen, SECOND
+from puretf._text.times import SECOND
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
 #: them.
@@ -112,7 +112,7 @@ class History:
     @property
     def is_frozen(self) -> bool:
         """Whether several transforms have arrived, all with the same stamp."""
-        return is_frozen(self.oldest, self.latest, len(self) + self.repeated)
+        return self.oldest == self.latest != 0 and len(self) + self.repeated > 2
 
     @property
     def is_refusing(self) -> bool:

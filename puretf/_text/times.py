@@ -6,11 +6,6 @@ SECOND = 1_000_000_000
 CACHE_TIME = 10 * SECOND
 
 
-def is_frozen(oldest: int, latest: int, count: int) -> bool:
-    """Return True if the stamp of an edge does not advance: several transforms have the same."""
-    return oldest == latest != 0 and count > 2
-
-
 def in_seconds(time: int) -> float:
     """
     Convert nanoseconds to seconds with the rounding of tf2, as in `tf2::timeToSec`.
