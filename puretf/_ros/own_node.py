@@ -26,6 +26,8 @@ _MOST = 100
 class OwnSubscription:
     """A subscription of an `OwnNode`, with the messages that it has received."""
 
+    is_polled = False  #: whether `take` receives; it must not while locks are held
+
     def __init__(self, owner: 'OwnNode', node: Node, message_type: Any, topic: str,
                  qos: QoSProfile) -> None:
         self._owner = owner
@@ -42,7 +44,8 @@ class OwnSubscription:
 
     def take(self, most: int) -> list[tuple[bytes, Any]]:
         """Take at most a number of messages, each as its bytes and its info."""
-        self._owner.wait(0.0)  # if no thread does
+        if self.is_polled:
+            self._owner.wait(0.0)
         return [self._messages.popleft() for _ in range(min(most, len(self._messages)))]
 
     def destroy(self) -> None:
@@ -103,7 +106,9 @@ def subscribe_to_bytes(node: Node, message_type: Any, topic: str, qos: QoSProfil
                        ) -> Union[Subscription, OwnSubscription]:
     """Create a subscription that no executor of the user serves."""
     if missing_part():
-        return OwnNode(node).subscribe(message_type, topic, qos)
+        own = OwnNode(node).subscribe(message_type, topic, qos)
+        own.is_polled = True
+        return own
     return subscribe(
         node, message_type, topic, lambda _: None, qos, node.default_callback_group)
 
