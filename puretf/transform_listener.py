@@ -94,8 +94,8 @@ class TransformListener:
                           'set_transform', 'set_transform_static'))
         #: The generation of the data after the last update by the listener's thread.
         self._seen = -1
-        #: The subscription to the topic of dynamic transforms; None in a StaticTransformListener.
         self._own = None if self._uses_callbacks or not missing_part() else OwnNode(node)
+        #: The subscription to the topic of dynamic transforms; None in a StaticTransformListener.
         self.tf_sub = self._subscribe(
             tf_topic, self.callback, profile(qos, TF)) if self._has_tf else None
         self.tf_static_sub = self._subscribe(
