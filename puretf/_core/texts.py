@@ -50,8 +50,6 @@ def refusals(parent: str, child: str, pose: Sequence[float], authority: str, is_
 
     :param pose: with the normalised rotation, which is NaN if it `is_zero`.
     """
-    if parent != child and parent and child and not any(map(isnan, pose)):
-        return []  # as usual: write no text
     publisher = f'authority "{_plain(authority)}"'
     numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
     reason = 'unnormalized' if is_zero else 'not_a_number'
