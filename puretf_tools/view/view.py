@@ -92,8 +92,8 @@ class View:
             self.viewers.pop(gone).close()
         place = cache(self._watcher.placement)
         for number, client in clients.items():
-            viewer = self._viewer(number, client, is_alone=len(clients) == 1)
             try:
+                viewer = self._viewer(number, client, is_alone=len(clients) == 1)
                 if not viewer.pace.is_waiting:
                     viewer.update(place, until, now, descriptions)
             except Exception as error:  # whatever the data of one viewer raise, the others stay
