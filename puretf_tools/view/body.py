@@ -156,6 +156,8 @@ class Body:
             part.pose = pose
             *position, x, y, z, w = pose
             self._put(part.node, position, (w, x, y, z))
+        if not part.shapes:
+            return
         part.shapes = [shape for shape in part.shapes if not self._add(shape, robot, part)]
         if robot.problems:
             robot.sign = robot.sign or self._scene.add_label(f'{part.node.name}/sign', '')
