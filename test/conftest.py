@@ -1,15 +1,15 @@
 """ROS on loopback only, no test that hangs, the same examples in each run."""
 
-from importlib.metadata import distributions
 import os
 from pathlib import Path
 
+from puretf._text.distribution import rclpy_version
+
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 # Fast DDS 3, which comes with rclpy 9, warns of the name that Fast DDS 2 knows.
-os.environ['FASTDDS_DEFAULT_PROFILES_FILE' if any(
-    int(each.version.split('.')[0]) >= 9 for each in distributions(name='rclpy')) else
-    'FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
-        Path(__file__).parent / 'support' / 'fast_discovery.xml')
+os.environ['FASTDDS_DEFAULT_PROFILES_FILE' if int(rclpy_version().split('.')[0] or 0) >= 9 else
+           'FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
+               Path(__file__).parent / 'support' / 'fast_discovery.xml')
 
 from collections.abc import Callable, Iterator
 import faulthandler
