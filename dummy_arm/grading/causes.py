@@ -25,6 +25,8 @@ SPEED_FACTOR = 1.5
 #: A frame from which nothing was received for this time (s) at the end of an observation is not
 #: sent any more; a busy machine stops for less. The period of a timer that is meant to be in ms.
 _SILENCE, _LONG_PERIOD = 6.0, 5.0
+#: The factor to a speed of the sheet is probably 2π if it differs from 2π by less than this part.
+_TURN_TOLERANCE = 0.05
 #: A joint that is this many times faster than on the sheet probably has another unit of time. So
 #: has one whose usual change between two messages is this part of its range, and no sine.
 _OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
@@ -221,13 +223,13 @@ def is_near(position: Vector, expected: ArrayLike) -> bool:
 def of_excess(joint: SheetFrame, largest: float) -> str:
     """Return why the largest angle of a joint exceeds its limit."""
     excess = f'The limit is exceeded by {in_degrees(largest - joint.limit)}'
-    is_double = abs(largest / joint.limit - 2) < 0.04
-    if others := [other.name for other in JOINTS if other is not joint
-                  and abs(largest - other.limit) < radians(0.5)]:
-        cause = f'{excess}: this is the limit of {others[0]}.'
-        return f'{cause} {_HALF_ANGLE}' if is_double else cause
-    if is_double:
-        return f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}'
+    others = [other.name for other in JOINTS if other is not joint
+              and abs(largest - other.limit) < radians(0.5)]
+    if abs(largest / joint.limit - 2) < 0.04:
+        return (f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}' +
+                ''.join(f' Or is it the limit of {other}?' for other in others))
+    if others:
+        return f'{excess}: this is the limit of {others[0]}.'
     if largest - joint.limit < radians(1.0):
         return f'{excess}: is the limit rounded, or does the last step go beyond it?'
     return (f'{excess}. The amplitude of the sine, plus an offset if there is one, must be at '
@@ -278,9 +280,8 @@ def of_wave(joint: SheetFrame, times: Floats, angles: Floats, sine: Sine) -> str
     if sine.speed > _OTHER_UNIT * joint.speed or (
             sine.residual > 1.0 and np.median(steps) > _LARGE_STEP):
         return too_fast
-    if steps.max() > 0.3:
-        return f'The angle of {joint.name} jumps: it must change smoothly.'
-    return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
+    how = 'jumps' if steps.max() > 0.3 else 'is not a sine of the time'
+    return f'The angle of {joint.name} {how}: it is limit * sin(speed * t).'
 
 
 def of_short_time(joint: SheetFrame, sine: Sine) -> str:
@@ -297,7 +298,8 @@ def of_speed(joint: SheetFrame, speed: float, has_fixed_step: bool) -> str:
     ratio = speed / joint.speed
     how = {0.5: 'half', 2.0: 'twice'}.get(round(ratio, 1), f'{ratio:.2g} times')
     why = ('the step is fixed, so the speed depends on the rate; take the time from the clock.'
-           if has_fixed_step else 'is the time in seconds?')
+           if has_fixed_step else 'is there a factor 2π? In sin(speed * t), it is in rad/s already.'
+           if abs(ratio / (2 * pi) - 1) < _TURN_TOLERANCE else 'is the time in seconds?')
     return (f'{joint.name} is {how} as fast as the sheet ({speed:.2f} in place of {joint.speed} '
             f'rad/s): {why}')
 

@@ -86,10 +86,10 @@ class Report(NamedTuple):
         line = self.first_failure
         if line is None:
             return ''
-        others = sum(each.verdict == Verdict.NOT_OK for each in self.lines if each != line)
+        count = sum(each.verdict == Verdict.NOT_OK for each in self.lines)
         measured = f' ({line.measured})' if line.measured else ''
         return (f'{line.requirement}{measured}. {line.text}'
-                f'{f" ({others} more)" if others else ""}')
+                f'{f" (requirements that are not met: {count})" if count > 1 else ""}')
 
 
 class Grade(NamedTuple):

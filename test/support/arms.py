@@ -236,10 +236,12 @@ WRONG = {
         'rounded': changed(limits=(45.3, 30.0, 60.0))},
     'joint_2 stays': {
         'exceeded by 3.0°': changed(limits=(45.0, 33.0, 60.0)),
-        'limit of joint_3': changed(limits=(45.0, 60.0, 30.0))},
+        'limit of joint_3': changed(limits=(45.0, 60.0, 30.0)),
+        'twice as large as it should be. In the quaternion, use the half angle': changed(
+            rotation=_edge(2, lambda angle: (0.0, 0.0, sin(angle), cos(angle))))},
     'joint_1 moves as a sine': {
         'triangle': changed(angle=_joint(1, _triangle)),
-        'jumps': changed(angle=_joint(1, _bounded)),
+        'jumps: it is limit * sin(speed * t)': changed(angle=_joint(1, _bounded)),
         'not a sine': changed(angle=_joint(
             1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))),
         'is t in seconds?': _in_unit(1e-9),
