@@ -36,14 +36,15 @@ class Parser(argparse.ArgumentParser):
         self.finish: Callable[[dict[str, Any]], object] = len
 
     def error(self, message: str) -> NoReturn:
-        """Print an error and the usage in one line on stderr, and exit with code 2."""
+        """Print an error in one line on stderr, and exit with code 2."""
         if message.startswith(unknown := 'unrecognized arguments: '):
             for argument in message.removeprefix(unknown).split():
                 near = near_names(argument.partition('=')[0], self._option_string_actions)
                 if near and argument.startswith('--'):
                     message = f'{message} (did you mean {near[0]}?)'
-        usage = ' '.join(self.format_usage().split())
-        self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
+        # A wrong value needs no usage: its error says what it must be.
+        usage = '' if message.startswith('argument ') else f'; {self.format_usage()}'
+        self.exit(2, f'{self.prog}: {visible(message)}{" ".join(usage.split())}\n')
 
 
 def number(text: str) -> float:
