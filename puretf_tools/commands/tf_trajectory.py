@@ -90,6 +90,12 @@ class Trajectory:
     def known(self) -> NDArray[np.bool_]:
         return np.asarray(~np.isnan(self.values[:, 0]))
 
+    def rows_after_holes(self) -> NDArray[np.int64]:
+        """Return which rows have a hole in the data between them and the row before."""
+        between = self.times[:-1] + np.diff(self.times) // 2
+        holes = gaps.holes_at(self._edges, between, self._max_gap)
+        return np.flatnonzero(holes.astype(np.bool_)) + 1
+
     def _look_up(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
         buffer = self._found.buffer
         values[:, :3], values[:, 3:7], known = buffer.lookup_transforms(*self.ends, times)
@@ -179,8 +185,8 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
 
     :param output: path of the file. Its ending gives the format; see `TABLES` and `DRAWINGS`.
         None: print the table in CSV.
-    :param every: the interval between two rows (ns), counted from the first stamp; None: a row for
-        each stamp of the dynamic transforms between the two frames.
+    :param every: the interval between two rows (ns), from the first time on at which a row is
+        possible; None: a row for each stamp of the dynamic transforms between the two frames.
     :param at: a topic that gives the stamps of the rows; then the first frame may be left out.
     :param max_gap: the longest step of an edge over which poses are interpolated (ns).
     :param topic: a topic of poses, in place of the two frames.
@@ -207,7 +213,8 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     if found.listener:
         forget_signals()  # another one ends the command
     stamps = _stamps(found, *ends) if reader.stamps is None else reader.stamps
-    times = _times(stamps, found.span, every, start, stop)
+    is_beyond, _ = gaps.beyond_ends(edges, stamps)
+    times = _times(stamps, is_beyond, found.span, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
     # There is no bar within a table on the terminal.
@@ -256,9 +263,14 @@ def _stamps(found: Source, target: str, source_frame: str) -> NDArray[np.int64]:
     return stamps
 
 
-def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int],
-           start: Optional[When], stop: Optional[When]) -> NDArray[np.int64]:
-    """Return the times (ns) of the rows: stamps, or times at equal distances `every` (ns)."""
+def _times(stamps: NDArray[np.int64], is_beyond: NDArray[np.bool_], span: tuple[int, int],
+           every: Optional[int], start: Optional[When], stop: Optional[When]
+           ) -> NDArray[np.int64]:
+    """
+    Return the times (ns) of the rows: stamps, or times at equal distances `every` (ns).
+
+    :param is_beyond: (n,): whether there can be no row at a stamp.
+    """
     first, last = int(stamps[0]), int(stamps[-1])
     low = start.within(span) if start else first
     high = stop.within(span) if stop else last
@@ -266,6 +278,7 @@ def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int
         raise UsageError('--start must not be after --stop')
     first, last = max(first, low), min(last, high)
     if every is not None:
+        first = max(first, *stamps[~is_beyond][:1].tolist())
         count = max(0, (last - first) // every + 1)
         if count > MAX_ROWS:
             raise UsageError(f'--every {every / SECOND:g} would give {count} rows, and at most '
@@ -324,10 +337,11 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     rows = [figure.add_subplot(grid[0, 0])]
     rows += [figure.add_subplot(grid[i, 0], sharex=rows[0]) for i in range(1, panels)]
     begin = trajectory.stamps[0]
-    _plot_over_time(rows, (stamps - begin) / SECOND, values, style)
+    holes = trajectory.rows_after_holes()
+    _plot_over_time(rows, (stamps - begin) / SECOND, values, holes, style)
     rows[-1].set_xlabel(f'time (s), from {exact_time(begin)} s')
     figure.align_ylabels()
-    _plot_path(figure.add_subplot(grid[:, 1]), values[:, 0], values[:, 1], style)
+    _plot_path(figure.add_subplot(grid[:, 1]), values[:, 0], values[:, 1], holes, style)
     some = f', one of {step} rows' if step > 1 else ''
     figure.suptitle(f'{shortened(source_frame)} in {shortened(target)}{some}', parse_math=False)
     # Where a file cannot be written, the PDF backend raises other errors than OSError.
@@ -339,16 +353,16 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
 
 
 def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray[np.float64],
-                    style: dict[str, Any]) -> None:
+                    holes: NDArray[np.int64], style: dict[str, Any]) -> None:
     """Plot three columns of values in each of the axes, which share the time (s)."""
     for axes, (label, names, array) in zip(rows, (
             ('position (m)', 'xyz', 'positions'), ('angle (°)', ('roll', 'pitch', 'yaw'), 'rpy'),
             ('velocity (m/s)', 'xyz', 'linear'),
             ('angular velocity\n(rad/s)', 'xyz', 'angular'))):
         for name, column in zip(names, values[:, ARRAYS[array]].T):
-            x, y = (_without_jumps(times, np.degrees(column)) if array == 'rpy' else
-                    (times, column))
-            axes.plot(x, y, label=name, **style)
+            if array == 'rpy':
+                column = np.degrees(column)
+            _plot(axes, times, column, holes, {**style, 'label': name}, array == 'rpy')
         axes.set_ylabel(label)
         axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
         axes.tick_params(labelbottom=axes is rows[-1])
@@ -356,9 +370,9 @@ def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray
         axes.grid(alpha=0.3)
 
 
-def _plot_path(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], style: dict[str, Any]
-               ) -> None:
-    axes.plot(x, y, color='black', **style)
+def _plot_path(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64],
+               holes: NDArray[np.int64], style: dict[str, Any]) -> None:
+    _plot(axes, x, y, holes, {**style, 'color': 'black'}, dashes='no data')
     for i, marker, color, label in ((0, 'o', 'tab:green', 'start'), (-1, 's', 'tab:red', 'end')):
         row = np.flatnonzero(~np.isnan(x))[i]
         axes.plot(x[row], y[row], marker, color=color, label=label)
@@ -369,11 +383,20 @@ def _plot_path(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], style:
     axes.grid(alpha=0.3)
 
 
-def _without_jumps(times: NDArray[np.float64], angles: NDArray[np.float64]
-                   ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Insert NaN where an angle jumps from 180 to -180 degrees, or back."""
-    jumps = np.flatnonzero(abs(np.diff(angles)) > 180.0) + 1
-    return np.insert(times, jumps, np.nan), np.insert(angles, jumps, np.nan)
+def _plot(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], holes: NDArray[np.int64],
+          style: dict[str, Any], is_angle: bool = False, dashes: Optional[str] = None) -> None:
+    """
+    Draw a line, which has a gap where an angle jumps from 180 to -180 degrees, or back.
+
+    :param holes: the rows before which it is dashed.
+    :param dashes: what the legend says of this.
+    """
+    jumps = np.flatnonzero(is_angle & (abs(np.diff(y)) > 180.0)) + 1
+    (line,) = axes.plot(*(np.insert(each, np.union1d(jumps, holes), np.nan) for each in (x, y)),
+                        **style)
+    if len(holes):
+        axes.plot(*(np.insert(each, jumps, np.nan) for each in (x, y)), '--', label=dashes,
+                  color=line.get_color(), linewidth=0.8)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

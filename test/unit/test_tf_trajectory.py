@@ -175,9 +175,10 @@ def test_stamps_outside_of_the_data_are_counted(run, tmp_path):
         'tf_trajectory: 4 rows from 1.750000000 s to 3.000000000 s\n'
         'tf_trajectory: 3 of 7 stamps are outside the data of odom -> base: the first 0.75 s; of '
         'map -> odom: the last 1 s\n')
-    _, error = run('--bag', bag, 'map', 'base', '--every', '0.0001')  # more than one part
+    # In more than one part; the first row is where all edges have data.
+    _, error = run('--bag', bag, 'map', 'base', '--every', '0.0001')
     assert '12501 rows from 1.750000000 s to 3.000000000 s' in error
-    assert '17500 of 30001 stamps are outside the data of odom -> base: the first 0.75 s' in error
+    assert '10000 of 22501 stamps are outside the data of map -> odom: the last 1 s' in error
 
 
 @pytest.mark.parametrize('output', [[], ['-o', 'x.npz'], ['-o', 'x.svg']])
@@ -584,6 +585,19 @@ def test_rows_in_a_gap_are_counted(run, torn_bag):
     output, error = run('--bag', torn_bag, 'odom', 'tool', '--max-gap', '3')
     assert output.count('\n') == 102
     assert error.count('\n') == 1
+
+
+def test_a_gap_is_dashed(run, drawn, torn_bag, tmp_path):
+    """The 41 rows up to 104.0 s and the 31 rows from 107.0 s on are connected by dashes only."""
+    run('--bag', torn_bag, 'odom', 'base_link', '-o', str(tmp_path / 'torn.png'))
+    run('--bag', torn_bag, 'odom', 'base_link', '--max-gap', '3', '-o', str(tmp_path / 'torn.png'))
+    for axes in drawn[0].axes[0], drawn[0].axes[-1]:
+        solid, dashed = axes.lines[:2]
+        assert np.flatnonzero(np.isnan(solid.get_xdata())).tolist() == [41]
+        assert (dashed.get_linestyle(), len(dashed.get_xdata())) == ('--', 72)
+        assert dashed.get_color() == solid.get_color()
+    assert 'no data' in texts(drawn[0])
+    assert 'no data' not in texts(drawn[1])
 
 
 def test_the_signs_of_quaternions_do_not_flip(run, tmp_path):
