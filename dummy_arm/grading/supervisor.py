@@ -9,6 +9,7 @@ from contextlib import ExitStack, suppress
 from multiprocessing.connection import Connection
 import os
 from pathlib import Path
+import re
 from tempfile import TemporaryDirectory
 import time
 import warnings
@@ -18,11 +19,14 @@ from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
 from puretf._causes.domains import ros_domains
+from puretf._text.names import comma_list
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 
 #: How long to wait before the next look at the processes (s).
 _SCAN_INTERVAL = 0.25
+#: An argument by which a process runs the arm of this package.
+_OURS = re.compile(r'(.*/)?dummy_arm(\.dummy_arm)?|.*\bdummy_arm\.entry_points\b.*', re.DOTALL)
 #: The limits of all processes of a hand-in together.
 _MOST_PROCESSES, _MOST_MEMORY = 128, 2 * 2**30
 
@@ -97,15 +101,26 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         fault = '' if report.passed else observer.listener.wrong_type_hint()
         if not observer.publishers:
             fault = _other_domain(domain) or fault
+        nodes = observer.lifecycle_nodes()
+        fault = _arm_of_package(observer) or fault
     finally:
         program.end()
     if not fault and not observer.messages:
         has = ' It has a broadcaster, but sends nothing with it.' * bool(observer.publishers)
-        fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is the '
-                 'timer created, with its period in seconds, and does rclpy.spin run?')
+        fault = f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} ' + (
+            f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?' if nodes
+            else 'Is the timer created, with its period in seconds, and does rclpy.spin run?')
     line = report.first_failure
     return Grade(file, report, fault or report.reason, Verdict.NOT_OK if fault else
                  line.verdict if line else Verdict.OK)
+
+
+def _arm_of_package(observer: Observer) -> str:
+    """Say which process publishes with the arm of this package; '' if none does."""
+    pids = {each.pid for each in observer.publishers.values()} - {0}
+    return next((f'dummy_arm of this package publishes (PID {pid}), which it starts: the arm must '
+                 'be its own.' for pid in pids for argument in processes.arguments(pid)
+                 if _OURS.fullmatch(argument)), '')
 
 
 def _other_domain(domain: int) -> str:

@@ -114,6 +114,14 @@ MISTAKES = {
     'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
                                 'not ok', r'domain\D*\b101\b'),
 
+    'lifecycle.py': HandIn(limited("""
+        import rclpy
+        from rclpy.lifecycle import Node
+
+        rclpy.init()
+        rclpy.spin(Node('arm'))
+        """), 'not ok', '/arm is a lifecycle node: is it configured and activated'),
+
     # No program, or an error
     'missing.py': HandIn(None, 'not ok', r'No such file|no dummy_arm\.py'),
     'crash.py': HandIn(program(
@@ -211,7 +219,11 @@ CHAOS = {
 
     # The arm of this package
     'imports_package.py': HandIn('from dummy_arm.dummy_arm import main\nmain()\n', 'not ok',
-                                 r'dummy_arm\.dummy_arm .*: the arm must be its own')}
+                                 r'dummy_arm\.dummy_arm .*: the arm must be its own'),
+    'starts_package.py': HandIn(limited("""
+        code = 'from dummy_arm.entry_points import dummy_arm; dummy_arm()'
+        subprocess.run([sys.executable, '-c', code], cwd='/')
+        """), 'not ok', r'publishes \(PID \d+\), .*: the arm must be its own')}
 
 
 def read_table(path):
