@@ -57,6 +57,15 @@ def test_every_link_can_be_seen_and_hit():
             assert {shape.tag for shape in shapes} <= {'box', 'cylinder', 'sphere'}
 
 
+def test_links_can_be_told_apart():
+    """rviz2 draws all shapes of a link in the colour of the first one, on (48, 48, 48)."""
+    robot = ElementTree.parse(PATH).getroot()
+    colours = [link.find('visual/material').get('name')
+               for link in robot.iterfind('link')]
+    assert 'dark' not in colours
+    assert all(first != second for first, second in pairwise(colours))
+
+
 def test_it_can_be_a_parameter_on_a_command_line():
     """ROS reads the value of a parameter as YAML, in which ': ' and ' #' would end a text."""
     yaml = pytest.importorskip('yaml')
