@@ -6,6 +6,7 @@ The names of tf2_geometry_msgs, from `puretf.geometry`, and the messages that th
 
 from _dummy_arm_tf2.stamped import *  # noqa: F403
 import _dummy_arm_tf2.submodules
+from geometry_msgs.msg import Point as Point
 from geometry_msgs.msg import PolygonStamped as PolygonStamped
 from geometry_msgs.msg import Pose as Pose
 

@@ -38,22 +38,27 @@ import tf2_ros
 from tf2_sensor_msgs import tf2_sensor_msgs
 
 API: dict[str, dict[str, Any]] = json.loads((DATA / 'tf2_api.json').read_text())
-MESSAGES = {'PointStamped', 'PolygonStamped', 'Pose', 'PoseStamped', 'PoseWithCovarianceStamped',
-            'TransformStamped', 'Vector3Stamped'}
+MESSAGES = {'Point', 'PointStamped', 'PolygonStamped', 'Pose', 'PoseStamped',
+            'PoseWithCovarianceStamped', 'TransformStamped', 'Vector3Stamped'}
 ALIASES = {'MsgStamped', 'TransformableObject'}
 STAMPED = {'PointStamped', 'PoseStamped', 'PoseWithCovarianceStamped', 'TransformStamped',
            'Vector3Stamped'}
+LISTENING = {'DurabilityPolicy', 'HistoryPolicy', 'Node', 'QoSProfile', 'ReentrantCallbackGroup',
+             'SingleThreadedExecutor'}
 #: Names that the real modules have, too. The record has neither aliases of types nor classes that
 #: a module imports from another package, although programs import them from there.
 UNRECORDED: dict[str, set[str]] = {
-    'tf2_ros': {*ALIASES, *STAMPED, 'Duration', 'Header', 'Node', 'QoSProfile', 'Time'},
-    'tf2_ros.buffer': {'Duration', 'Node', 'Time', 'TransformStamped'},
+    'tf2_ros': {*ALIASES, *STAMPED, *LISTENING, 'Clock', 'Duration', 'Future', 'Header',
+                'JumpThreshold', 'Time', 'TimeJump'},
+    'tf2_ros.buffer': {'Duration', 'Future', 'JumpThreshold', 'Node', 'Time', 'TimeJump',
+                       'TransformStamped'},
     'tf2_ros.buffer_interface': {*ALIASES, *STAMPED, 'Duration', 'Header', 'Time'},
     'tf2_ros.static_transform_broadcaster': {'Node', 'QoSProfile', 'TransformStamped'},
     'tf2_ros.transform_broadcaster': {'Node', 'QoSProfile', 'TransformStamped'},
-    'tf2_ros.transform_listener': {'Node', 'QoSProfile'},
+    'tf2_ros.transform_listener': LISTENING,
     'tf2_geometry_msgs': MESSAGES, 'tf2_geometry_msgs.tf2_geometry_msgs': MESSAGES,
-    'tf2_sensor_msgs.tf2_sensor_msgs': {'create_cloud', 'read_points'},
+    'tf2_sensor_msgs.tf2_sensor_msgs': {
+        'PointCloud2', 'Transform', 'TransformStamped', 'create_cloud', 'read_points'},
     'sensor_msgs_py.point_cloud2': {'Header', 'PointCloud2', 'PointField'}}
 #: The classes that cannot be provided without services and actions of tf2_msgs.
 UNAVAILABLE = ['BufferClient', 'FrameGraph', 'LookupTransform']
