@@ -32,7 +32,7 @@ from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import Parser, run
 from puretf_tools.inspection.joint_states import JointStateReader
 
-#: How long to wait for a message on /clock before a warning (s).
+#: The time between warnings while no message has arrived on /clock (s).
 CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
 #: The default and the meaning of the parameters that cannot be changed.
@@ -131,7 +131,7 @@ class DummyArm(Node):
             JointState, '~/joint_command', self._obey, 10, raw=True)
         self._reader = JointStateReader(self, self._commands.topic_name)
         self._timer = self.create_timer(1.0 / self._value('rate'), self._tick)
-        self._warning = self.create_timer(
+        self.create_timer(
             CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_post_set_parameters_callback(self._apply)
 
@@ -199,7 +199,6 @@ class DummyArm(Node):
         return 0.0 if self._start_ns is None else (time_ns - self._start_ns) * 1e-9
 
     def _warn_of_clock(self) -> None:
-        self._warning.cancel()
         clock = self.get_clock()
         if self._start_ns is None and isinstance(clock, ROSClock) and clock.ros_time_is_active:
             self.get_logger().warning(
