@@ -1,11 +1,13 @@
 """
 TF of ROS 2 in pure Python, with the names of tf2_ros.
 
-Each name is imported on its first use. So the names that do not need rclpy can be used even if
-rclpy is not installed.
+Each name is imported on its first use. So what does not need ROS can be used without it:
+TransformBuffer, Transform, Twist, Frame, the exceptions, the times, and the modules bag, rotations
+and transform_table.
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -28,9 +30,7 @@ if TYPE_CHECKING:
     from puretf.transform_broadcaster import PreparedTransforms as PreparedTransforms
     from puretf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
     from puretf.transform_buffer import TransformBuffer as TransformBuffer
-    from puretf.transform_listener import (
-        StaticTransformListener as StaticTransformListener,
-    )
+    from puretf.transform_listener import StaticTransformListener as StaticTransformListener
     from puretf.transform_listener import TransformListener as TransformListener
 
 #: The public names of each module.
@@ -56,8 +56,12 @@ _NAMES = {
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 _PUBLIC_MODULES = {module for module in _NAMES if not module.startswith('_')} | {
     'bag', 'geometry', 'point_cloud2', 'publisher_listener', 'rotations', 'transform_table'}
+#: The modules that can be imported now.
+_USABLE = {*_NAMES, *_PUBLIC_MODULES} if find_spec('rclpy') else {
+    '_core.frames', '_text.times', 'bag', 'exceptions', 'rotations', 'transform',
+    'transform_buffer', 'transform_table'}
 
-__all__ = sorted(_MODULES)
+__all__ = sorted(name for name, module in _MODULES.items() if module in _USABLE)
 
 
 def __getattr__(name: str) -> Any:
@@ -70,5 +74,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return all names, including those that are not imported yet."""
-    return sorted({*globals(), *_MODULES, *_PUBLIC_MODULES})
+    """Return the names that can be used, including those that are not imported yet."""
+    return sorted({*globals(), *__all__, *(_PUBLIC_MODULES & _USABLE)})

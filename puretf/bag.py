@@ -14,6 +14,7 @@ from puretf._bag.recordings import BagError, is_bag, Paths, resolved
 from puretf._bag.recordings import recordings as find_recordings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
+from puretf._core.times import nanoseconds_or_int
 from puretf._text.names import comma_list, SHOWN, visible
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import Encoding, MessageReader
@@ -159,7 +160,7 @@ class Bag(AbstractContextManager['Bag']):
         return self._contents
 
     def messages(self, *, tf: bool = True, headers: bool = False,
-                 others: Collection[Other] = (), start: int = 0, stop: int = 2**63
+                 others: Collection[Other] = (), start: Any = 0, stop: Any = 2**63
                  ) -> Iterator[BagMessage]:
         """
         Yield messages, all kinds in one pass.
@@ -180,7 +181,8 @@ class Bag(AbstractContextManager['Bag']):
             although `tf` is True.
         """
         contents = self._contents = Contents(*self._about, tf, headers, others)
-        for record in self._records(contents, start, stop):
+        for record in self._records(contents, nanoseconds_or_int(start, 'start'),
+                                    nanoseconds_or_int(stop, 'stop')):
             yield BagMessage(*record)
         self._finish(contents, tf, headers)
 
@@ -203,8 +205,7 @@ class Bag(AbstractContextManager['Bag']):
         :raises BagError: if the bag has no valid transforms, or cannot be read.
         :raises ValueError: if cache_time or max_samples is out of range.
         """
-        buffer = buffer or TransformBuffer(
-            _ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
+        buffer = buffer or TransformBuffer(cache_time, max_samples=max_samples)
         engine = engine_of(buffer)
         faults: Counter[str] = Counter()  # by their kinds, which precede the colon
         readers: dict[Topic, MessageReader] = {}

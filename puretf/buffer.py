@@ -1,9 +1,13 @@
 """A buffer like that of tf2_ros: it can wait for transforms, and can have a node."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf._ros.futures import PendingFutures
+
+# isort: split
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any, Optional, Union
+from typing import Any, Literal, Optional, overload, Union
 from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
@@ -18,7 +22,6 @@ from rclpy.utilities import get_default_context
 
 from puretf._causes.explanation import clock_end
 from puretf._core.buffer_base import debug_tuple
-from puretf._ros.futures import PendingFutures
 from puretf._ros.messages import FrameGraph
 from puretf._ros.qos import check_node
 from puretf.buffer_core import BufferCore
@@ -145,6 +148,16 @@ class Buffer(BufferCore, BufferInterface):
         return await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
 
+    @overload
+    def can_transform(
+            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
+            return_debug_tuple: Literal[False] = False) -> bool: ...
+
+    @overload
+    def can_transform(
+            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
+            return_debug_tuple: bool = False) -> Any: ...
+
     def can_transform(
             self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
             return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
@@ -161,6 +174,18 @@ class Buffer(BufferCore, BufferInterface):
         """
         error = self._why_not(target_frame, source_frame, time, self._seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
+
+    @overload
+    def can_transform_full(
+            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+            fixed_frame: str, timeout: Duration = NO_WAIT,
+            return_debug_tuple: Literal[False] = False) -> bool: ...
+
+    @overload
+    def can_transform_full(
+            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+            fixed_frame: str, timeout: Duration = NO_WAIT, return_debug_tuple: bool = False
+            ) -> Any: ...
 
     def can_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,

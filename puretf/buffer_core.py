@@ -1,21 +1,20 @@
 """A buffer like that of tf2_py: it uses the messages of ROS, has no node and does not wait."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
+
+# isort: split
 from typing import Optional
 
-try:
-    from geometry_msgs.msg import TransformStamped
-    from rclpy.duration import Duration
-    from rclpy.time import Time
-except ModuleNotFoundError as error:
-    raise ImportError('BufferCore needs ROS (rclpy, geometry_msgs); without ROS, use '
-                      'puretf.TransformBuffer') from error
+from geometry_msgs.msg import TransformStamped
+from rclpy.duration import Duration
+from rclpy.time import Time
 
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.frames import as_dot
 from puretf._core.pose import Pose
 from puretf._core.times import nanoseconds, split
 from puretf._core.velocity import tf2_velocity
-from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
 from puretf._text.times import CACHE_TIME
 from puretf.transform import Vector
 
@@ -106,8 +105,7 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return self._lookup_full(
-            target_frame, target_time, source_frame, source_time, fixed_frame)
+        return self._lookup_full(target_frame, target_time, source_frame, source_time, fixed_frame)
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:

@@ -1,5 +1,9 @@
 """The base class of buffers that transform objects, and the registries of their functions."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf import geometry
+
+# isort: split
 from collections.abc import Callable
 from copy import deepcopy
 from typing import Any, Optional, Union
@@ -9,7 +13,6 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from std_msgs.msg import Header
 
-from puretf import geometry
 from puretf.exceptions import is_of_rosbags
 
 __all__ = ['BufferInterface', 'ConvertRegistration', 'MsgStamped', 'NotImplementedException',

@@ -8,8 +8,14 @@ transform, and has the header of the transform. Coordinates are in m.
 The Python packages of tf2 have no functions for PoseArray, QuaternionStamped, WrenchStamped, Path
 and Odometry. That of a wrench returns what tf2 returns in C++; that of a quaternion returns the
 same rotation, normalised.
+
+This module needs ROS. Without it, `Transform.apply` transforms points.
 """
 
+# Before the packages of ROS, to say how to install them.
+from puretf.point_cloud2 import layout
+
+# isort: split
 from array import array
 from collections.abc import Callable
 from copy import copy, deepcopy
@@ -46,7 +52,6 @@ from puretf._core.composition import compose, normalized
 from puretf._core.pose import Pose as FramePose
 from puretf._text.names import comma_list, quoted
 from puretf.exceptions import described, is_of_rosbags
-from puretf.point_cloud2 import layout
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 _NORMAL = 'normal_x', 'normal_y', 'normal_z'
@@ -214,7 +219,7 @@ def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformSt
     return result
 
 
-def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDArray[np.float64]:
+def transform_covariance(cov_in: 'ArrayLike', transform: TransformStamped) -> NDArray[np.float64]:
     """
     Rotate the covariance matrix of a pose.
 
@@ -301,7 +306,7 @@ def _move(columns: list[NDArray[np.floating[Any]]], rotation: NDArray[np.float64
         column[...] = row[0] * x + row[1] * y + row[2] * z + offset
 
 
-def transform_points(point_cloud: ArrayLike, transform: Transform) -> NDArray[np.float64]:
+def transform_points(point_cloud: 'ArrayLike', transform: Transform) -> NDArray[np.float64]:
     """
     Transform an array of points.
 
@@ -313,8 +318,7 @@ def transform_points(point_cloud: ArrayLike, transform: Transform) -> NDArray[np
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f'point_cloud must be of shape (n, 3), got {points.shape}')
     x, y, z, *rotation = _pose(transform.translation, transform.rotation)
-    result: NDArray[np.float64] = points @ rotations.matrix(rotation).T + (x, y, z)
-    return result
+    return np.asarray(points @ rotations.matrix(rotation).T + (x, y, z))
 
 
 def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:

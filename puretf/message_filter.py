@@ -1,5 +1,9 @@
 """A filter that passes messages on when their transforms are available, like that of tf2_ros."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf._ros.qos import check_node
+
+# isort: split
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -19,7 +23,6 @@ from puretf._core.filter_queue import Entry, FilterQueue
 from puretf._core.filter_queue import FilterFailureReason as FilterFailureReason
 from puretf._core.texts import ThrottledLog
 from puretf._core.times import nanoseconds, nanoseconds_or_int
-from puretf._ros.qos import check_node
 from puretf._ros.rclpy_private import guard_condition, RCLError
 from puretf._text.names import shortened, visible
 from puretf._text.times import display_time, SECOND

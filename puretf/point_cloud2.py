@@ -7,8 +7,14 @@ several values, whose `count` is more than 1, becomes several fields: `name_0`, 
 
 Arrays of organized clouds have the shape (width, height), as in ROS 2 Jazzy. So in an array that
 was read, the points of a row do not follow one another, unless it is reshaped to (height, width).
+
+This module needs ROS.
 """
 
+# Before the packages of ROS, to say how to install them.
+import puretf._ros  # noqa: F401
+
+# isort: split
 from array import array
 from collections import namedtuple
 from collections.abc import Iterable
@@ -89,8 +95,7 @@ def read_points_numpy(cloud: PointCloud2, field_names: Optional[Iterable[str]] =
     """
     points = read_points(cloud, field_names, skip_nans, uvs, reshape_organized_cloud)
     _check_uniform(points.dtype, 'read them by read_points, or choose some by field_names')
-    numbers: NDArray[Any] = structured_to_unstructured(points)
-    return numbers
+    return structured_to_unstructured(points)
 
 
 def read_points_list(cloud: PointCloud2, field_names: Optional[Iterable[str]] = None,

@@ -103,7 +103,7 @@ def quaternion_matrix(quaternion: Iterable[float]) -> NDArray[np.float64]:
     return result
 
 
-def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
+def quaternion_from_matrix(matrix: 'ArrayLike') -> Quaternion:
     """
     Return the rotation that a matrix describes, with w >= 0.
 
@@ -188,8 +188,7 @@ def conjugate(rotation: Quaternion) -> Quaternion:
 
 def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
     """Return the (3, 3) matrix of a rotation, unchecked; the identity for a length below 1e-8."""
-    converted: NDArray[np.float64] = quaternions.quat2mat(_wxyz(rotation))
-    return converted
+    return np.asarray(quaternions.quat2mat(_wxyz(rotation)))
 
 
 def _wxyz(rotation: Iterable[float]) -> Quaternion:

@@ -1,5 +1,9 @@
 """Publishing static transforms on /tf_static."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf._ros.qos import check_node, create_publisher, profile, TF_STATIC
+
+# isort: split
 from collections.abc import Iterable
 from threading import RLock
 from typing import Optional, Union
@@ -9,7 +13,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from puretf._ros.qos import check_node, create_publisher, profile, TF_STATIC
 from puretf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from puretf._wire import cdr
 

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from puretf import rotations
 from puretf._core.pose import Quaternion
-from puretf._core.times import nanoseconds, split
+from puretf._core.times import nanoseconds, nanoseconds_or_int, split
+from puretf._text.distribution import require_ros
 
 Vector = tuple[float, float, float]
 
@@ -53,11 +54,13 @@ class Transform(NamedTuple):
 
         :raises ModuleNotFoundError: if geometry_msgs is not installed.
         """
+        require_ros(['geometry_msgs'])
         # By name, since what imports this module must not need ROS.
         messages = import_module('geometry_msgs.msg')
         message = messages.TransformStamped(child_frame_id=self.child_frame_id)
         message.header.frame_id = self.frame_id
-        message.header.stamp.sec, message.header.stamp.nanosec = split(self.stamp)
+        message.header.stamp.sec, message.header.stamp.nanosec = split(
+            nanoseconds_or_int(self.stamp, 'stamp'))
         x, y, z = map(float, self.translation)
         message.transform.translation = messages.Vector3(x=x, y=y, z=z)
         x, y, z, w = map(float, self.rotation)
@@ -71,7 +74,7 @@ class Transform(NamedTuple):
         result[:3, 3] = self.translation
         return result
 
-    def apply(self, points: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, points: 'ArrayLike') -> NDArray[np.float64]:
         """
         Transform points from the child frame to `frame_id`.
 
@@ -81,8 +84,7 @@ class Transform(NamedTuple):
         points = np.asarray(points, dtype=np.float64)
         if points.ndim not in (1, 2) or points.shape[-1] != 3:
             raise ValueError(f'points must be of shape (3,) or (n, 3), got {points.shape}')
-        result: NDArray[np.float64] = points @ rotations.matrix(self.rotation).T + self.translation
-        return result
+        return np.asarray(points @ rotations.matrix(self.rotation).T + self.translation)
 
     def inverse(self) -> 'Transform':
         """Return the pose of `frame_id` in the child frame, with the same stamp."""

@@ -1,5 +1,9 @@
 """Publishing dynamic transforms on /tf."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf._ros.graph import broadcast
+
+# isort: split
 from collections.abc import Iterable, Sequence
 from typing import Any, Optional, Union
 
@@ -13,7 +17,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from puretf._core.composition import normalize_poses
 from puretf._core.times import nanoseconds_or_int
-from puretf._ros.graph import broadcast
 from puretf._ros.qos import check_node, create_publisher, profile, TF
 from puretf._ros.transform_stamped import (
     as_list,
@@ -48,8 +51,7 @@ class TransformBroadcaster:
         :param qos_overriding_options: which policies parameters of the node can override.
         """
         check_node(node, 'TransformBroadcaster(node)')
-        self.pub_tf = create_publisher(
-            node, tf_topic, profile(qos, TF), qos_overriding_options)
+        self.pub_tf = create_publisher(node, tf_topic, profile(qos, TF), qos_overriding_options)
         self._children = broadcast.setdefault(node, set())
 
     def sendTransform(  # noqa: N802
@@ -104,7 +106,7 @@ class PreparedTransforms:
         self._packet = cdr.MessageTemplate(self.edges)
         self._publisher = publisher
 
-    def send(self, stamp: Any, poses: ArrayLike) -> None:
+    def send(self, stamp: Any, poses: 'ArrayLike') -> None:
         """
         Send one pose for each edge, in one message; all poses have the same stamp.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 import sys
-from typing import Any, Optional, Union
+from typing import Any, Literal, Optional, overload, Union
 
 from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.engine import engine_of
@@ -17,8 +17,9 @@ class TransformBuffer(BufferBase):
     """
     A buffer that keeps transforms for the cache time, and looks up the poses of frames.
 
-    A time or a duration is an int (ns), or an object that has either the attribute `nanoseconds`
-    or the attributes `sec` and `nanosec`. `BufferBase` says what all buffers have in common.
+    A time or a duration is an int (ns), a datetime64 or timedelta64 of numpy, or an object that
+    has either the attribute `nanoseconds` or the attributes `sec` and `nanosec`. `BufferBase` says
+    what all buffers have in common.
     """
 
     def __init__(self, cache_time: Any = CACHE_TIME, *, max_frames: int = 100_000,
@@ -26,9 +27,9 @@ class TransformBuffer(BufferBase):
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept (ns). A sample is the pose of a frame in its
-            parent at one stamp. A sample is dropped when it is older than the newest sample of the
-            same frame by more than `cache_time`.
+        :param cache_time: how long samples are kept (ns); None: for ever. A sample is the pose of
+            a frame in its parent at one stamp. A sample is dropped when it is older than the
+            newest sample of the same frame by more than `cache_time`.
         :param max_frames: the largest number of frames; a transform that would add another frame
             is refused.
         :param max_samples: the largest number of dynamic samples of all frames together; a sample
@@ -38,7 +39,7 @@ class TransformBuffer(BufferBase):
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
-        super().__init__(cache_time, max_frames, max_samples)
+        super().__init__(2**64 if cache_time is None else cache_time, max_frames, max_samples)
         self._engine.tree.takes_ns = True
 
     @classmethod
@@ -71,7 +72,7 @@ class TransformBuffer(BufferBase):
         """
         if not isinstance(dump, Mapping):
             raise TypeError(f'dump must be what dump() has returned, got {described(dump)}')
-        buffer = cls(2**64, max_frames=sys.maxsize, max_samples=None)
+        buffer = cls(None, max_frames=sys.maxsize, max_samples=None)
         for name, frame in dump.items():
             try:
                 buffer._engine.tree.histories[name] = history = load(
@@ -159,9 +160,16 @@ class TransformBuffer(BufferBase):
         return self._lookup_full(target_frame, target_time, source_frame, source_time,
                                  fixed_frame, self._seconds(timeout))
 
-    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                      timeout: Any = 0, return_debug_tuple: bool = False
-                      ) -> Union[bool, tuple[bool, str]]:
+    @overload
+    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0, timeout: Any = 0,
+                      return_debug_tuple: Literal[False] = False) -> bool: ...
+
+    @overload
+    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0, timeout: Any = 0,
+                      return_debug_tuple: bool = False) -> Any: ...
+
+    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0, timeout: Any = 0,
+                      return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform` would return a transform.
 
@@ -175,6 +183,16 @@ class TransformBuffer(BufferBase):
         """
         error = self._why_not(target_frame, source_frame, time, self._seconds(timeout))
         return debug_tuple(error) if return_debug_tuple else error is None
+
+    @overload
+    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
+                           source_time: Any, fixed_frame: str, timeout: Any = 0,
+                           return_debug_tuple: Literal[False] = False) -> bool: ...
+
+    @overload
+    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
+                           source_time: Any, fixed_frame: str, timeout: Any = 0,
+                           return_debug_tuple: bool = False) -> Any: ...
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                            source_time: Any, fixed_frame: str, timeout: Any = 0,

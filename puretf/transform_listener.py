@@ -1,5 +1,9 @@
 """Transform listeners like those of tf2_ros: they subscribe to /tf and /tf_static."""
 
+# Before the packages of ROS, to say how to install them.
+from puretf._ros.messages import TFMessage
+
+# isort: split
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -20,7 +24,6 @@ from puretf._core.engine import Engine, engine_of
 from puretf._core.texts import ThrottledLog
 from puretf._ros.graph import blocked_nodes, surroundings
 from puretf._ros.listener_thread import ListenerThread, MessageWait, NodeThread, SpinThread
-from puretf._ros.messages import TFMessage
 from puretf._ros.other_topics import Ear
 from puretf._ros.own_node import OwnNode
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC

@@ -85,9 +85,9 @@ projection_from_matrix = _with_arrays(_gohlketransforms.projection_from_matrix)
 unit_vector = _with_arrays(_gohlketransforms.unit_vector)
 
 
-def compose_matrix(scale: Optional[ArrayLike] = None, shear: Optional[ArrayLike] = None,
-                   angles: Optional[Sequence[float]] = None, translate: Optional[ArrayLike] = None,
-                   perspective: Optional[ArrayLike] = None) -> Array:
+def compose_matrix(scale: 'ArrayLike | None' = None, shear: 'ArrayLike | None' = None,
+                   angles: Optional[Sequence[float]] = None, translate: 'ArrayLike | None' = None,
+                   perspective: 'ArrayLike | None' = None) -> Array:
     """
     Return the matrix that shears, scales, rotates, translates and projects, in this order.
 
@@ -107,7 +107,7 @@ def compose_matrix(scale: Optional[ArrayLike] = None, shear: Optional[ArrayLike]
     return result
 
 
-def decompose_matrix(matrix: ArrayLike
+def decompose_matrix(matrix: 'ArrayLike'
                      ) -> tuple[Array, Array, tuple[float, float, float], Array, Optional[Array]]:
     """
     Return the arguments of `compose_matrix`.
@@ -129,7 +129,7 @@ def decompose_matrix(matrix: ArrayLike
     return factors, shear, euler.mat2euler(rotation), translation, perspective
 
 
-def superimposition_matrix(v0: ArrayLike, v1: ArrayLike, scaling: bool = False,
+def superimposition_matrix(v0: 'ArrayLike', v1: 'ArrayLike', scaling: bool = False,
                            usesvd: bool = True) -> Array:
     """
     Return the matrix that brings points as close as possible to other points.
@@ -160,7 +160,7 @@ def euler_matrix(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Array:
     return quaternion_matrix(quaternion_from_euler(ai, aj, ak, axes))
 
 
-def euler_from_matrix(matrix: ArrayLike, axes: Axes = 'sxyz') -> tuple[float, float, float]:
+def euler_from_matrix(matrix: 'ArrayLike', axes: Axes = 'sxyz') -> tuple[float, float, float]:
     """
     Return the Euler angles of a rotation.
 
@@ -195,7 +195,7 @@ def quaternion_matrix(quaternion: Iterable[float]) -> Array:
     return rotations.quaternion_matrix(_rotation(quaternion))
 
 
-def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
+def quaternion_from_matrix(matrix: 'ArrayLike') -> Quaternion:
     """
     Return the rotation of a matrix.
 
@@ -275,7 +275,7 @@ class Arcball(_gohlketransforms.Arcball):
         return bool(self.constrain)
 
 
-def arcball_nearest_axis(point: ArrayLike, axes: Sequence[ArrayLike]) -> Any:
+def arcball_nearest_axis(point: 'ArrayLike', axes: 'Sequence[ArrayLike]') -> Any:
     """
     Return the axis whose great circle is nearest to a point of the unit sphere.
 

@@ -217,7 +217,8 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
             f'{_of("from", [new])} is newer by more than the cache time',
             {'remedy': PLAY if _is_played(facts) else SIM_TIME if _is_simulation(
                 facts, edge.latest) else 'Clear the buffer; if it happens again, let only one '
-             'node send it.'})
+             'node send it.' if around.topics else 'If data come again, or not in the order of '
+             'their stamps, pass a longer cache_time to the buffer; else clear it.'})
 
 
 @_rule('nanosec', 'Split the time into sec and nanosec, as Time.to_msg() does.', 'clock', _TIMES)

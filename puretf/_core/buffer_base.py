@@ -1,19 +1,20 @@
 """The base class of all buffers, with the methods that they share."""
 
+from bisect import bisect_left
 from collections.abc import Container, Iterable, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Literal, NoReturn, Optional, overload, Union
+from typing import Any, Literal, NoReturn, Optional, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from puretf._core import frames
+from puretf._core import frames, texts
 from puretf._core.composition import matrices
 from puretf._core.engine import Engine
 from puretf._core.frames import Frame
 from puretf._core.pose import Pose
 from puretf._core.search import PathEdge
-from puretf._core.times import nanoseconds_or_int
+from puretf._core.times import int64_times, nanoseconds_or_int
 from puretf._core.velocity import twist
 from puretf._text.times import SECOND
 from puretf.exceptions import described, tf2_words, TransformException
@@ -21,8 +22,6 @@ from puretf.transform import Transform, Twist
 
 #: The largest number of poses that are inserted or computed before the lock is released.
 _CHUNK = 2500
-#: Many times: integers (ns), datetime64, or times of ROS.
-Times = Union[ArrayLike, Sequence[Any]]
 
 
 class BufferBase:
@@ -48,14 +47,14 @@ class BufferBase:
     def __init__(self, cache_time: Any, max_frames: int, max_samples: Optional[int]) -> None:
         self._engine = Engine(cache_time, max_frames, max_samples)
 
-    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose,
+    def insert(self, stamp: Any, frame_id: str, child_frame_id: str, pose: Pose,
                authority: str = 'default_authority', is_static: bool = False) -> bool:
         """
         Insert the pose of a frame in its parent, without an object for the transform.
 
         One leading slash is removed from each name, and the rotation is normalised.
 
-        :param stamp: time of the pose (ns).
+        :param stamp: time of the pose (ns, or a time of ROS or numpy).
         :param frame_id: the parent.
         :param child_frame_id: the frame.
         :param pose: x, y, z (m) and the quaternion x, y, z, w.
@@ -66,26 +65,29 @@ class BufferBase:
         :raises ValueError: if the pose does not have seven numbers.
         :raises OverflowError: if the stamp does not fit in an int64.
         """
-        return self._engine.insert(
-            stamp, frame_id, child_frame_id, pose, authority, is_static)
+        return self._engine.insert(stamp, frame_id, child_frame_id, pose, authority, is_static)
 
-    def insert_many(self, stamps: Times, frame_id: str, child_frame_id: str, poses: ArrayLike,
-                    authority: str = 'default_authority') -> bool:
+    def insert_many(self, stamps: 'ArrayLike | Sequence[Any]', frame_id: str, child_frame_id: str,
+                    poses: 'ArrayLike', authority: str = 'default_authority') -> bool:
         """
-        Insert many poses of a frame in its parent.
+        Insert many poses of a frame in its parent; those within the cache time of the newest stay.
 
-        They are inserted in the order of their stamps, up to 2500 at once. This is much faster
-        than one `insert` for each if they are newer than the poses that the buffer has of the
-        frame, and if their stamps differ. The names and the rotations are treated as in `insert`.
+        The cache time is a parameter of the constructor: by default, only 10 s before the newest
+        pose are kept; `TransformBuffer(cache_time=None)` keeps all. A call with poses that are
+        older than that returns False; the log says once how many they are.
+
+        The poses are inserted in the order of their stamps, up to 2500 at once. This is much
+        faster than one `insert` for each if they are newer than the poses that the buffer has of
+        the frame, and if their stamps differ. Names and rotations are treated as in `insert`.
 
         :param stamps: (n,) times of the poses, as in `lookup_transforms`.
         :param poses: (n, 7): x, y, z (m) and the quaternion x, y, z, w.
-        :returns: False if some of them were refused; the log says why.
+        :returns: False if some of them were refused or are not kept; the log says why.
         :raises TypeError: if an argument has a wrong type.
         :raises ValueError: if an array has a wrong shape, or a stamp is NaT.
         :raises OverflowError: if a stamp does not fit in an int64.
         """
-        times = _int64_times(stamps, 'stamps')
+        times = int64_times(stamps, 'stamps')
         try:
             rows = np.asarray(poses)
         except ValueError:  # rows of several lengths
@@ -101,7 +103,13 @@ class BufferBase:
             part = order[begin:begin + _CHUNK]
             is_accepted &= self._engine.insert_many(
                 times[part], frame_id, child_frame_id, rows[part].astype(np.float64), authority)
-        return is_accepted
+        cache_time, log = self._engine.tree.cache_time, self._engine.insertion.log
+        if expired := bisect_left(order, times.item(order[-2]) - cache_time, key=times.item
+                                  ) if len(order) > 1 else 0:
+            log.warn_once('TF_EXPIRED', texts.expired(
+                child_frame_id, expired, len(order), cache_time))
+            log.flush()
+        return is_accepted and not expired
 
     def remove(self, frame: str) -> None:
         """
@@ -128,36 +136,35 @@ class BufferBase:
         self._engine.update_for_user()
         return self._engine.lock
 
-    def why_not(self, target_frame: str, source_frame: str, time: int, has_hint: bool = True
+    def why_not(self, target_frame: str, source_frame: str, time: Any, has_hint: bool = True
                 ) -> str:
         """
         Return why there is no transform.
 
-        :param time: time of the transform (ns), or 0.
+        :param time: time of the transform (ns, or a time of ROS or numpy), or 0.
         :param has_hint: False: return tf2's words only.
         :returns: the text of the error; '' if there is a transform.
         :raises TypeError: if a frame is not a str.
         """
         error = self._error_of(
-            [time], 0.0, self._engine.lookups.check, target_frame, source_frame, time)
+            [time], 0.0, self._engine.lookups.check, target_frame, source_frame,
+            nanoseconds_or_int(time))
         return '' if error is None else str(error) if has_hint else tf2_words(error)
 
     @overload
     def lookup_transforms(
-            self, target_frame: str, source_frame: str, times: Times,
+            self, target_frame: str, source_frame: str, times: 'ArrayLike | Sequence[Any]',
             as_matrices: Literal[False] = False
             ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]: ...
 
     @overload
-    def lookup_transforms(self, target_frame: str, source_frame: str, times: Times,
-                          as_matrices: Literal[True]) -> NDArray[np.float64]: ...
+    def lookup_transforms(
+            self, target_frame: str, source_frame: str, times: 'ArrayLike | Sequence[Any]',
+            as_matrices: bool) -> Any: ...
 
-    @overload
-    def lookup_transforms(self, target_frame: str, source_frame: str, times: Times,
-                          as_matrices: bool) -> Any: ...
-
-    def lookup_transforms(self, target_frame: str, source_frame: str, times: Times,
-                          as_matrices: bool = False) -> Any:
+    def lookup_transforms(
+            self, target_frame: str, source_frame: str, times: 'ArrayLike | Sequence[Any]',
+            as_matrices: bool = False) -> Any:
         """
         Return the poses of the source frame in the target frame at many times.
 
@@ -174,7 +181,7 @@ class BufferBase:
         :raises OverflowError: if a time does not fit in an int64 (ns).
         :raises ValueError: if the shape of `times` is not (n,), or a time is NaT.
         """
-        times = _int64_times(times, 'times')
+        times = int64_times(times, 'times')
         columns, known = np.empty((7, len(times))), np.empty(len(times), np.bool_)
         is_sorted = not (times[1:] < times[:-1]).any()
         order = None if is_sorted else np.argsort(times)  # sorted times are found faster
@@ -203,9 +210,9 @@ class BufferBase:
 
         :param source_frame: the frame that moves. Its origin is the reference point of the linear
             velocity.
-        :param time: the middle of the interval (ns, or a time of ROS); 0: the interval ends at the
-            latest time for which every edge on the path has data.
-        :param interval: the length of the interval (ns, or a duration of ROS).
+        :param time: the middle of the interval (ns, or a time of ROS or numpy); 0: the interval
+            ends at the latest time for which every edge on the path has data.
+        :param interval: the length of the interval (ns, or a duration of ROS or numpy).
         :returns: the linear velocity of the origin of the source frame (m/s) and the angular
             velocity of the source frame (rad/s), both in the axes of the target frame.
         :raises TransformException: if there is no transform at the beginning or the end of the
@@ -217,7 +224,7 @@ class BufferBase:
             return twist(self._engine.lookups, target_frame, source_frame,
                          nanoseconds_or_int(time), nanoseconds_or_int(interval, 'interval'))
 
-    def lookup_all(self, target_frames: Iterable[str], until: int = 0,
+    def lookup_all(self, target_frames: Iterable[str], until: Any = 0,
                    children: Optional[Container[str]] = None) -> list[dict[str, Transform]]:
         """
         Return, for each target frame, the poses of all frames that are connected to it.
@@ -241,7 +248,8 @@ class BufferBase:
                             f'{described(target_frames)}')
         targets = list(target_frames)
         with self._engine.reading():
-            found = self._engine.lookups.all_poses(targets, until, children)
+            found = self._engine.lookups.all_poses(
+                targets, nanoseconds_or_int(until, 'until'), children)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}
                 for target, placed in zip(targets, found)]
@@ -296,7 +304,7 @@ class BufferBase:
         with self._engine.reading():
             return [*self._engine.tree.histories]
 
-    def frames(self, until: int = 0) -> list[Frame]:
+    def frames(self, until: Any = 0) -> list[Frame]:
         """
         Return the parent, publisher and stamps of every frame that has a parent.
 
@@ -304,8 +312,8 @@ class BufferBase:
         :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
         with self._engine.reading():
-            found = self._engine.tree.frames(until)
-        return [frame for frame, _ in found]
+            until = nanoseconds_or_int(until, 'until')
+            return [frame for frame, _ in self._engine.tree.frames(until)]
 
     def all_frames_as_yaml(self) -> str:
         """Return all frames with a parent as YAML in tf2's format; '[]' if there is no frame."""
@@ -386,30 +394,3 @@ class BufferBase:
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
     """Return the debug tuple of can_transform: (True, ''), or False and the text of the error."""
     return error is None, '' if error is None else str(error)
-
-
-def _int64_times(times: Times, name: str) -> NDArray[np.int64]:
-    given = times = np.asarray(times)
-    if times.ndim != 1:
-        raise ValueError(f'{name} must be of shape (n,), got {times.shape}')
-    if times.dtype.kind == 'M':
-        if np.isnat(times).any():
-            raise ValueError(f'{name} must be times, got NaT at index {np.isnat(times).argmax()}')
-        try:
-            times = given.astype('datetime64[ns]')
-            is_exact = bool((times.astype(given.dtype) == given).all())
-        except OverflowError:  # before numpy 2.5, the numbers overflow
-            is_exact = False
-        if not is_exact:
-            raise OverflowError(f'{name} must be whole ns from 1678 to 2261, got {given.min()} to '
-                                f'{given.max()}')
-        return times.astype(np.int64)
-    if times.dtype.kind == 'O':
-        times = np.array([nanoseconds_or_int(time, name) for time in times.tolist()], np.object_)
-    elif times.size and times.dtype.kind not in 'iu':
-        raise TypeError(f'{name} must be integers (ns), datetime64 or times of ROS, got '
-                        f'{times.dtype}')
-    for bound in (times.min(), times.max()) if times.size else ():
-        if not -2**63 <= int(bound) < 2**63:
-            raise OverflowError(f'{name} must be int64 (ns), got {bound}')
-    return times.astype(np.int64)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from functools import partial
 import logging
-from operator import index
 import os
 from threading import RLock
 from time import monotonic
@@ -143,11 +142,12 @@ class Engine:
             self.wake_sources()
         return after
 
-    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
+    def insert(self, stamp: Any, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
         """Insert a pose as `BufferBase.insert` does."""
         _check_names(frame_id, child_frame_id, authority)
-        stamp = index(stamp)
+        if type(stamp) is not int:
+            stamp = nanoseconds_or_int(stamp, 'stamp')
         if not -END <= stamp < END:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
         x, y, z, qx, qy, qz, qw = array('d', pose)

@@ -51,8 +51,7 @@ class Path:
             return target_from_top
         return compose(target_from_top, _pose_along(self.from_source, time))
 
-    def poses(self, times: NDArray[np.int64]
-              ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def poses(self, times: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """
         Compute the poses of the source frame in the target frame at many times (ns).
 
@@ -67,8 +66,7 @@ class Path:
         with np.errstate(invalid='ignore', over='ignore'):
             columns = _columns_along(self.from_source, neighbours)
             if self.from_target:
-                columns = compose(
-                    inverse(_columns_along(self.from_target, neighbours)), columns)
+                columns = compose(inverse(_columns_along(self.from_target, neighbours)), columns)
         return np.array([np.broadcast_to(column, len(times)) for column in columns]), known
 
 

@@ -7,7 +7,7 @@ from math import inf, isnan
 from time import monotonic
 
 from puretf._text.names import abbreviated, visible
-from puretf._text.times import display_time
+from puretf._text.times import display_time, SECOND
 
 #: The largest number of frames of which it is remembered that there was a warning.
 _MAX_WARNED = 1000
@@ -94,6 +94,13 @@ def too_long_name(child: str, what: str, name: str, longest: int, authority: str
 def too_many_samples(code: str, child: str, authority: str, limit: str) -> str:
     return (f'{code}: Dropping the oldest transforms of {_of(child, authority)} before the cache '
             f'time is over: {limit}. Those of other frames are dropped, too, if they are too many')
+
+
+def expired(child: str, count: int, total: int, cache_time: int) -> str:
+    return (f'TF_EXPIRED: Of {total} transforms for child_frame_id "{_plain(child)}" in one call, '
+            f'{count} are not kept: they are older than the newest one by more than cache_time, '
+            f'{cache_time / SECOND:g} s. Create the buffer with a longer one, or '
+            'TransformBuffer(cache_time=None), which keeps all. This is logged once per buffer')
 
 
 class ThrottledLog:

@@ -1,10 +1,14 @@
 """Conversion of times and durations of ROS to nanoseconds."""
 
+from collections.abc import Sequence
 from datetime import timedelta
-from math import isfinite
+from math import isfinite, nan
 from numbers import Integral, Real
 from operator import index
 from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from puretf._text.times import SECOND
 from puretf.exceptions import described
@@ -49,15 +53,52 @@ def written(number: Any, kind: str) -> str:
 
 
 def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
-    """Convert a time as `nanoseconds` does; also accept an integer (ns) of Python or numpy."""
+    """Convert a time as `nanoseconds` does; also accept an integer (ns), or a time of numpy."""
     if hasattr(time, '__index__'):
         return index(time)
+    if isinstance(time, (np.datetime64, np.timedelta64)):
+        return int(int64_times([time], name)[0])
     try:
         return nanoseconds(time, name)
-    except TypeError as error:
-        is_finite = isinstance(time, float) and isfinite(time)
-        example = f', such as {round(time * SECOND)}' if is_finite else ''
-        raise TypeError(f'{error}; an integer (ns) is accepted, too{example}') from None
+    except TypeError:
+        raise TypeError(f'{name} must be an integer (ns), or a time or duration of numpy or ROS, '
+                        f'got {described(time)}{_in_nanoseconds(time)}') from None
+
+
+def _in_nanoseconds(time: Any) -> str:
+    """Return how a float is written in ns: one that is too large for seconds is in ns already."""
+    number = float(time) if isinstance(time, Real) else nan
+    if not isfinite(number):
+        return ''
+    seconds = number if abs(number) < _MOST_SECONDS else number / SECOND
+    now = ', or time.time_ns() for the present' * (seconds > 1e9)  # since 2001
+    return f': write {round(number * SECOND if seconds == number else number)}{now}'
+
+
+def int64_times(times: 'ArrayLike | Sequence[Any]', name: str) -> NDArray[np.int64]:
+    """Convert many times as `nanoseconds_or_int` does."""
+    given = np.asarray(times)
+    if given.ndim != 1:
+        raise ValueError(f'{name} must be of shape (n,), got {given.shape}')
+    if given.dtype.kind in 'mM':
+        if np.isnat(given).any():
+            raise ValueError(f'{name} must be valid, got NaT at index {np.isnat(given).argmax()}')
+        try:
+            in_ns = given.astype(f'{given.dtype.kind}8[ns]')
+            is_exact = bool((in_ns.astype(given.dtype) == given).all())
+        except OverflowError:  # before numpy 2.5, the numbers overflow
+            is_exact = False
+        if not is_exact:
+            raise OverflowError(f'{name} must be whole ns from 1678 to 2261, got {given.min()} to '
+                                f'{given.max()}')
+        return in_ns.astype(np.int64)
+    if given.dtype.kind not in 'iu':
+        given = np.array([nanoseconds_or_int(time, f'{name}[{i}]')
+                          for i, time in enumerate(given.tolist())], np.object_)
+    for bound in (given.min(), given.max()) if given.size else ():
+        if not -2**63 <= int(bound) < 2**63:
+            raise OverflowError(f'{name} must be int64 (ns), got {bound}')
+    return given.astype(np.int64)
 
 
 def split(time: int) -> tuple[int, int]:

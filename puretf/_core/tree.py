@@ -93,8 +93,7 @@ class FrameTree:
         found.update((name, each) for name, each in tuple(self._earlier.get(child, {}).items())
                      if each.is_static or not is_moved)
         found.pop(newest, None)
-        return [*found.values(),
-                Parent(newest, history.authority, history.is_static)]
+        return [*found.values(), Parent(newest, history.authority, history.is_static)]
 
     def remove(self, name: str) -> None:
         """Drop the samples of a frame; its name stays if it is the parent of another one."""

@@ -109,8 +109,7 @@ def subscribe_to_bytes(node: Node, message_type: Any, topic: str, qos: QoSProfil
         own = OwnNode(node).subscribe(message_type, topic, qos)
         own.is_polled = True
         return own
-    return subscribe(
-        node, message_type, topic, lambda _: None, qos, node.default_callback_group)
+    return subscribe(node, message_type, topic, lambda _: None, qos, node.default_callback_group)
 
 
 @cache

@@ -134,8 +134,7 @@ class SubscriptionSource:
 class QosMonitor:
     """A monitor that warns of publishers whose QoS is incompatible with a subscription."""
 
-    def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic
-                 ) -> None:
+    def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._topic = subscription.topic_name
         self._log = get_logger(subscription.logger_name)

@@ -1,7 +1,11 @@
 """The distribution of ROS 2 whose packages texts name."""
 
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 import os
+from platform import machine
+import sys
 
 
 def distribution() -> str:
@@ -15,10 +19,27 @@ def distribution() -> str:
     return 'kilted'
 
 
-def ros_packages() -> str:
-    """Return what `pip install` needs for rclpy and the common messages."""
+def how_to_install_ros() -> str:
+    """Return how to get rclpy and the common messages."""
     name = distribution()
-    return f"'ros-{name}-rclpy[fastrtps]' ros-{name}-common-interfaces"
+    return (f"pip install 'ros-{name}-rclpy[fastrtps]' ros-{name}-common-interfaces, or source "
+            'the setup file of a ROS installation'
+            if (sys.platform, machine()) == ('linux', 'x86_64') else
+            f'PyPI has it for Linux x86-64 only, and conda has it, with all of ROS 2 {name}: '
+            'https://robostack.github.io')
+
+
+#: The packages that the modules with ROS import.
+_ROS = 'rclpy', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'std_msgs'
+
+
+def require_ros(packages: Iterable[str] = _ROS) -> None:
+    """Raise an error with the remedy if packages of ROS are not installed."""
+    for name in packages:
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(
+                f'this needs ROS, but {name} is not installed: {how_to_install_ros()}. In '
+                'puretf, TransformBuffer, Transform, bag and rotations need no ROS', name=name)
 
 
 def rclpy_version() -> str:

@@ -186,8 +186,7 @@ def header(data: bytes) -> tuple[int, bytes, int]:
     return stamp_and_name(data, *struct.unpack_from(struct_format, data, 4))
 
 
-def stamp_and_name(data: bytes, sec: int, nanosec: int, length: int
-                   ) -> tuple[int, bytes, int]:
+def stamp_and_name(data: bytes, sec: int, nanosec: int, length: int) -> tuple[int, bytes, int]:
     """Return what `header` returns, for a frame_id of `length` bytes."""
     name = data[16:16 + length]
     if len(name) < length:

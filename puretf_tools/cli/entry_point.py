@@ -40,10 +40,9 @@ def entry_point(module: str, interrupted: int = 0,
                 return 1
             if error.name not in _ROS:
                 raise
-            from puretf._text.distribution import ros_packages
+            from puretf._text.distribution import how_to_install_ros
             print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot '
-                  f'be imported: pip install {ros_packages()}, or source the setup file of a ROS '
-                  'installation. '
+                  f'be imported: {how_to_install_ros()}. '
                   'check_arm, tf2_echo, tf_doctor, tf_trajectory, view_frames and web_view can '
                   'read a bag without ROS: --bag FILE', file=sys.stderr)
             return 1

@@ -12,6 +12,8 @@ from puretf import SECOND, TransformBuffer, exact_time
 buffer = TransformBuffer(cache_time=10 * SECOND)
 buffer.insert(0, 'map', 'odom', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), is_static=True)
 print(exact_time(buffer.lookup_transform('map', 'odom', 0).stamp))
+is_there: bool = buffer.can_transform('map', 'odom')
+is_there, text = buffer.can_transform('map', 'odom', return_debug_tuple=True)
 ---
 import puretf
 import puretf.bag

@@ -38,11 +38,13 @@ def code_without(modules: Iterable[str]) -> str:
     """
     return (
         'import sys\n'
-        'class Blocked:\n'
-        '    def find_spec(self, name, *_):\n'
-        f'        if name.startswith({tuple(modules)!r}):\n'
-        '            raise ModuleNotFoundError(f"No module named {name!r}", name=name)\n'
-        'sys.meta_path.insert(0, Blocked())\n')
+        'class Others:\n'
+        '    def __init__(self, finder):\n'
+        '        self.finder = finder\n'
+        '    def find_spec(self, name, *args):\n'
+        f'        if not name.startswith({tuple(modules)!r}):\n'
+        '            return self.finder.find_spec(name, *args)\n'
+        'sys.meta_path[:] = map(Others, sys.meta_path)\n')
 
 
 WITHOUT_ROS = code_without(ROS)

@@ -8,7 +8,7 @@ import sys
 from environment import code_without, HAS_TF2_MSGS, ROOT, ROS
 import pytest
 
-from puretf._text.distribution import ros_packages
+from puretf._text.distribution import how_to_install_ros
 
 COMPAT = ROOT / 'compat'
 needs_compat = pytest.mark.skipif(
@@ -52,8 +52,8 @@ for code in ('import tf2_ros', 'import tf2_ros.buffer_client', 'import tf2_geome
     except ImportError as error:
         print(error)
 """) == '(0.0, 0.0, 0.0, 1.0)\n' + 7 * (
-        'this module needs ROS 2, but geometry_msgs is not installed: pip install '
-        f'{ros_packages()}\n')
+        f'this needs ROS, but rclpy is not installed: {how_to_install_ros()}. In puretf, '
+        'TransformBuffer, Transform, bag and rotations need no ROS\n')
 
 
 @needs_compat

@@ -2,6 +2,7 @@
 
 import ast
 from importlib import import_module
+import pydoc
 import re
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from environment import code_without, COMMANDS, ROOT, ROS
 import pytest
 
 import puretf
+from puretf import Transform, TransformBuffer
+from puretf._text import distribution
 
 
 def test_setup_py_and_package_xml_agree():
@@ -66,21 +69,61 @@ def test_the_reference_has_all_public_modules():
     pages = (ROOT / 'docs' / 'reference').glob('*.rst')
     reference = ''.join(page.read_text() for page in pages)
     modules = {path.stem for path in (ROOT / 'puretf').glob('[a-z]*.py')}
-    assert modules < {*dir(puretf)}
+    assert modules == puretf._PUBLIC_MODULES
     for module in modules - set(puretf._NAMES):
         assert f'.. automodule:: puretf.{module}\n' in reference
 
 
 def test_the_public_names():
     """They are at most 34, in the same modules for type checkers, and lead to no private one."""
-    assert len(puretf.__all__) <= 34
     pytest.importorskip('rclpy', reason='some of these modules need ROS')
+    assert len(puretf.__all__) <= 34
     source = ast.parse((ROOT / 'puretf' / '__init__.py').read_text())
     typed = {f'{node.module}.{name}' for node in ast.walk(source)
              if isinstance(node, ast.ImportFrom) and str(node.module).startswith('puretf.')
              for each in node.names for name in (
                  import_module(str(node.module)).__all__ if each.name == '*' else [each.name])}
     assert typed == {f'puretf.{module}.{name}' for name, module in puretf._MODULES.items()}
+
+
+def test_what_needs_ros_says_so():
+    """Names and modules do; `import *` and `help` leave them out."""
+    code = code_without(ROS) + """
+import puretf
+for each in 'from puretf import TransformListener', 'import puretf.geometry', (
+        'from puretf import point_cloud2'), 'puretf.Transform(0, "a", "b").to_message()':
+    try:
+        exec(each)
+    except ModuleNotFoundError as error:
+        print(error)
+from puretf import *
+print(TransformBuffer.__name__, 'Buffer' in globals(), 'geometry' in dir(puretf))
+help(puretf)
+"""
+    lines = subprocess.run([sys.executable, '-c', code], text=True,
+                           capture_output=True, check=True, timeout=60).stdout.splitlines()
+    for line, name in zip(lines, ['rclpy', 'rclpy', 'rclpy', 'geometry_msgs'], strict=False):
+        assert line.startswith(f'this needs ROS, but {name} is not installed: ')
+    assert lines[4] == 'TransformBuffer False False'
+
+
+@pytest.mark.parametrize(('system', 'processor', 'text'), [
+    ('linux', 'x86_64', r"pip install 'ros-\w+-rclpy\[fastrtps\]' ros-\w+-common-interfaces, or "
+     'source .*'),
+    ('linux', 'aarch64', '.*https://robostack.github.io'), ('darwin', 'arm64', '.* conda .*')])
+def test_how_to_install_ros(monkeypatch, system, processor, text):
+    """PyPI has wheels of rclpy for one platform only."""
+    monkeypatch.setattr(sys, 'platform', system)
+    monkeypatch.setattr(distribution, 'machine', lambda: processor)
+    assert re.fullmatch(text, distribution.how_to_install_ros())
+
+
+def test_array_arguments_are_array_like():
+    """In `help`, they are not the unions that the name stands for."""
+    shown = pydoc.plain(pydoc.render_doc(TransformBuffer)) + pydoc.plain(
+        pydoc.render_doc(Transform))
+    assert "stamps: 'ArrayLike | Sequence[Any]'" in shown
+    assert '_NestedSequence' not in shown
 
 
 def test_every_command_is_installed():
@@ -114,6 +157,6 @@ for name, sys.argv in {lines}.items():
 
 def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
     """Names that are imported late appear in dir(); other names raise AttributeError."""
-    assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(puretf))
+    assert {'TransformBuffer', 'bag'} <= set(dir(puretf))
     with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
         _ = puretf.Nonsense

@@ -1,5 +1,6 @@
 """Conversion and display of times."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,9 +22,29 @@ def test_integers_are_times_where_that_cannot_be_mistaken():
     assert nanoseconds_or_int(np.int64(5)) == 5
     with pytest.raises(TypeError, match=r'^time must have sec and nanosec, or nanoseconds\.'):
         nanoseconds(5)
-    for bad in 0.5, '1', None:
-        with pytest.raises(TypeError, match=r'or nanoseconds.*an integer \(ns\) is accepted, too'):
+    for bad in '1', None, math.nan:
+        with pytest.raises(TypeError, match=r'^time must be an integer \(ns\), or a time or '
+                           r'duration of numpy or ROS, got \S+ of type \w+$'):
             nanoseconds_or_int(bad)
+
+
+@pytest.mark.parametrize(('number', 'remedy'), [
+    (0.5, '500000000'), (np.float32(0.5), '500000000'), (-2.0, '-2000000000'),
+    (1.77e9, '1770000000000000000, or time.time_ns() for the present'),
+    (1.77e18, '1770000000000000000, or time.time_ns() for the present')])
+def test_a_float_is_refused(number, remedy):
+    """It is meant as seconds, such as those of time.time(); a very large one is in ns already."""
+    with pytest.raises(TypeError) as raised:
+        nanoseconds_or_int(number)
+    assert str(raised.value).partition(': write ')[2] == remedy
+
+
+def test_times_of_numpy():
+    """They are accepted with any unit that has whole ns; NaT is no time."""
+    assert nanoseconds_or_int(np.datetime64('2023-11-14T22:13:20')) == 1_700_000_000 * 10**9
+    assert nanoseconds_or_int(np.timedelta64(-20, 'ms')) == -20_000_000
+    with pytest.raises(ValueError, match='time must be valid, got NaT'):
+        nanoseconds_or_int(np.datetime64('NaT'))
 
 
 @pytest.mark.parametrize(('time', 'text'), [

@@ -320,9 +320,9 @@ def test_many_times_of_other_types(times):
 
 
 @pytest.mark.parametrize(('times', 'error'), [
-    ([0.5], r'integers \(ns\), datetime64 or times of ROS, got float64'),
-    (['now'], r'integers \(ns\), datetime64 or times of ROS, got <U3'),
-    ([1, None], r'times must have sec and nanosec, or nanoseconds. Got None'),
+    ([0.5], r'^times\[0\] must be an integer .*, got 0.5 of type float: write 500000000$'),
+    (['now'], r"^times\[0\] must be an integer .*, got 'now' of type str$"),
+    ([1, None], r'^times\[1\] must be an integer .*, got None of type NoneType$'),
     ([2**63], r'int64 \(ns\), got 9223372036854775808'),
     ([2**64], r'int64 \(ns\), got 18446744073709551616'),
     ([0, -2**63 - 1], r'int64 \(ns\), got -9223372036854775809'),
@@ -372,13 +372,46 @@ def test_many_insertions_in_parts(caplog):
         0.0, 2499.0, 2500.0, 4999.0]
 
 
+def test_a_call_with_more_than_the_cache_time(caplog):
+    """What is not kept is counted once; the same data again are not blamed on other nodes."""
+    stamps = T + S * np.arange(100)
+    poses = np.tile((1.0, 0.0, 0.0, *STILL), (100, 1))
+    buffer, whole = TransformBuffer(), TransformBuffer(cache_time=None)
+    assert buffer.insert_many(stamps, 'map', 'tool', poses) is False
+    assert buffer.frames()[0].length == 12  # the cache time is counted back from the 99th
+    assert buffer.insert_many(stamps, 'map', 'tool', poses) is False
+    assert [record.message.partition(': ')[::2] for record in caplog.records
+            if record.message.startswith('TF_EXPIRED')] == [('TF_EXPIRED', (
+                'Of 100 transforms for child_frame_id "tool" in one call, 88 are not kept: they '
+                'are older than the newest one by more than cache_time, 10 s. Create the buffer '
+                'with a longer one, or TransformBuffer(cache_time=None), which keeps all. This is '
+                'logged once per buffer'))]
+    assert 'node' not in buffer.why_not('map', 'tool', T)
+    assert whole.insert_many(stamps, 'map', 'tool', poses) is True
+    assert whole.lookup_transforms('map', 'tool', stamps)[2].all()
+
+
+@pytest.mark.parametrize('time', [
+    np.datetime64(T, 'ns'), SimpleNamespace(sec=1_700_000_000, nanosec=0)])
+def test_one_time(time):
+    """Wherever an integer (ns) is a time, a datetime64 and a time of ROS are, too."""
+    buffer = TransformBuffer()
+    buffer.insert(time, 'map', 'robot', (1.0, 0.0, 0.0, *STILL))
+    buffer.set_transform(Transform(time, 'robot', 'tool'))
+    assert [frame.latest for frame in buffer.frames(time)] == [T, T]
+    assert buffer.lookup_transform('map', 'tool', time).stamp == T
+    assert buffer.why_not('map', 'tool', time) == ''
+    assert [*buffer.lookup_all(['map'], time)[0]] == ['map', 'robot', 'tool']
+    assert TransformBuffer.copy_of(buffer, time).can_transform('map', 'tool', time)
+
+
 @pytest.mark.parametrize(('arguments', 'error'), [
     (([1], 'a', 'b', np.zeros((2, 7))), r'shape \(1, 7\), one for each stamp, got \(2, 7\)'),
     (([1], 'a', 'b', np.zeros((1, 6))), r'got \(1, 6\)'),
     (([1, 2], 'a', 'b', [[1.0] * 7, [1.0] * 6]), r'poses must be numbers, of shape \(2, 7\)'),
     (([1], 'a', 'b', [[None] * 7]), 'poses must be numbers'),
     (([1], 'a', 'b', 'x'), "poses must be numbers, of shape .* got 'x' of type str"),
-    (([1.5], 'a', 'b', np.zeros((1, 7))), 'stamps must be integers'),
+    (([1.5], 'a', 'b', np.zeros((1, 7))), r'stamps\[0\] must be an integer'),
     (([1], 1, 'b', np.zeros((1, 7))), 'a frame id must be a str'),
     (([1], 'a', 'b', np.zeros((1, 7)), None), 'an authority must be a str')])
 def test_many_insertions_with_wrong_arguments(arguments, error):
