@@ -37,6 +37,7 @@ autodoc_default_options = {
 autoclass_content = 'both'
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'description'
+autodoc_type_aliases = {'ArrayLike': 'ArrayLike'}
 autodoc_typehints_description_target = 'documented'
 autodoc_preserve_defaults = True
 

@@ -25,8 +25,8 @@ def how_to_install_ros() -> str:
     return (f"pip install 'ros-{name}-rclpy[fastrtps]' ros-{name}-common-interfaces, or source "
             'the setup file of a ROS installation'
             if (sys.platform, machine()) == ('linux', 'x86_64') else
-            f'PyPI has it for Linux x86-64 only, and conda has it, with all of ROS 2 {name}: '
-            'https://robostack.github.io')
+            f'for this platform, PyPI has none, but conda has ROS 2 {name} (RoboStack, '
+            'https://robostack.github.io)')
 
 
 #: The packages that the modules with ROS import.

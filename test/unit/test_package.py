@@ -110,7 +110,8 @@ help(puretf)
 @pytest.mark.parametrize(('system', 'processor', 'text'), [
     ('linux', 'x86_64', r"pip install 'ros-\w+-rclpy\[fastrtps\]' ros-\w+-common-interfaces, or "
      'source .*'),
-    ('linux', 'aarch64', '.*https://robostack.github.io'), ('darwin', 'arm64', '.* conda .*')])
+    ('linux', 'aarch64', r'.*\(RoboStack, https://robostack.github.io\)'),
+    ('darwin', 'arm64', '.* conda .*')])
 def test_how_to_install_ros(monkeypatch, system, processor, text):
     """PyPI has wheels of rclpy for one platform only."""
     monkeypatch.setattr(sys, 'platform', system)
