@@ -14,10 +14,11 @@ WARN_ONCE := -p no:colcon_core_warnings_stderr
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # A ROS installation that is sourced is for another Python; the venv brings all of its own.
+# PYTHONDONTWRITEBYTECODE would make setuptools warn, and every process compile what it imports.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
-unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo listen test test-once night lint bench docs dist pictures clean
+.PHONY: demo listen test test-plan test-once night lint bench docs dist pictures clean
 .NOTPARALLEL:
 
 # Ctrl-C and SIGTERM end both.
@@ -29,15 +30,19 @@ demo: $(INSTALLED)
 listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
 
-# The short suite: three minutes, longer on a busy machine.
-test: $(TEST_TOOLS)
+# The short suite.
+test: test-plan $(TEST_TOOLS)
 	@rm -rf build/dummy_arm
-	$(VENV)/bin/colcon build
-	$(VENV)/bin/colcon test --event-handlers console_direct+ console_stderr- \
+	@$(VENV)/bin/colcon build
+	@$(VENV)/bin/colcon test --event-handlers console_direct+ console_stderr- \
 	    --return-code-on-test-failure --pytest-args $(WARN_ONCE) $(PARALLEL) $(PYTEST_ARGS); code=$$?; \
 	    $(VENV)/bin/colcon test-result && exit $$code
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
+
+test-plan:
+	@echo 'the tests take about three minutes on two idle cores, longer on a busy machine'
+	@[ -e $(TEST_TOOLS) ] || echo 'before, their tools are installed: 480 MB more, some minutes'
 
 # The tests that take seconds each: model answers, hand-ins, all blocks of the documentation.
 test-once: $(TEST_TOOLS)
@@ -84,7 +89,7 @@ EXTRAS := robot,ros$(OF_DISTRO),view
 # Of what pip prints, a line for each package and for each large download.
 PROGRESS := while read -r what name rest; do case "$$what $$name $$rest" in \
     Obtaining\ file*) echo "preparing $${name\#file://}" ;; \
-    Collecting*) n=$$((n + 1)); echo "package $$n of about 100: $${name%%[<>=~!;[]*}" ;; \
+    Collecting*) n=$$((n + 1)); echo "package $$n: $${name%%[<>=~!;[]*}" ;; \
     Downloading*MB\)) echo "    downloading $${name%%-*} $$rest" ;; \
     Installing\ collected*) echo "unpacking $$n packages" ;; esac; done
 $(INSTALLED): SHELL := bash

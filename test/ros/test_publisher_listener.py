@@ -212,6 +212,7 @@ def has_arrived(listener, stamp):
 def test_received_messages_are_returned_once(ros, listener, send):
     """Messages keep their order, gid, time and topic, even if a lookup has pulled them before."""
     static = StaticTransformBroadcaster(ros.node)
+    eventually(static.pub_tf.get_subscription_count)
     begin, sent, latched, messages = time.time_ns(), [], [], []
     for number in range(100, 150):
         sent.append(send(number))
@@ -228,7 +229,9 @@ def test_received_messages_are_returned_once(ros, listener, send):
             bytes_of(*latched[:count]) for count in range(1, 51)])):
         of_topic = [message for message in messages
                     if message.is_static == (topic == '/tf_static')]
-        assert of_topic == expected
+        # DDS need not deliver a latched message of depth 1 that the next one replaces.
+        assert of_topic == [each for each in expected if each in of_topic or topic == '/tf']
+        assert of_topic[-1] == expected[-1]
         (info,) = ros.node.get_publishers_info_by_topic(topic)
         assert {message.publisher for message in of_topic} == {bytes(info.endpoint_gid)[:16].hex()}
         times = [begin, *(message.time for message in of_topic), time.time_ns()]
