@@ -23,7 +23,6 @@ from puretf.transform_buffer import TransformBuffer
 __all__ = ['NOT_RECORDED', 'Bag', 'BagError', 'BagMessage', 'Headers', 'Paths', 'Topic', 'is_bag',
            'open', 'read', 'recordings']
 
-_ALL_TIME = 2**63 - 1  # ns
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
 #: (bytes), or after this time (s), since other threads may see the buffer while it is filled.
 _BATCH_BYTES, _BATCH_TIME = 500_000, 0.1
@@ -211,7 +210,7 @@ class Bag(AbstractContextManager['Bag']):
         readers: dict[Topic, MessageReader] = {}
         contents = self._contents = Contents(*self._about, True, headers, others)
         for groups in _grouped_by_topic(self._records(contents), on_message,
-                                        engine.tree.cache_time < _ALL_TIME):
+                                        engine.tree.cache_time < 2**63):
             for topic, messages in groups.items():
                 reader = readers.setdefault(topic, MessageReader(
                     lambda error: faults.update([str(error).partition(':')[0]]), topic.encoding))

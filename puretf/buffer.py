@@ -154,9 +154,8 @@ class Buffer(BufferCore, BufferInterface):
             return_debug_tuple: Literal[False] = False) -> bool: ...
 
     @overload
-    def can_transform(
-            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
-            return_debug_tuple: bool = False) -> Any: ...
+    def can_transform(self, target_frame: str, source_frame: str, time: Time,
+                      timeout: Duration = NO_WAIT, return_debug_tuple: bool = False) -> Any: ...
 
     def can_transform(
             self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
@@ -176,21 +175,18 @@ class Buffer(BufferCore, BufferInterface):
         return debug_tuple(error) if return_debug_tuple else error is None
 
     @overload
-    def can_transform_full(
-            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-            fixed_frame: str, timeout: Duration = NO_WAIT,
-            return_debug_tuple: Literal[False] = False) -> bool: ...
+    def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
+                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
+                           return_debug_tuple: Literal[False] = False) -> bool: ...
 
     @overload
-    def can_transform_full(
-            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-            fixed_frame: str, timeout: Duration = NO_WAIT, return_debug_tuple: bool = False
-            ) -> Any: ...
+    def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
+                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
+                           return_debug_tuple: bool = False) -> Any: ...
 
-    def can_transform_full(
-            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-            fixed_frame: str, timeout: Duration = NO_WAIT, return_debug_tuple: bool = False
-            ) -> Union[bool, tuple[bool, str]]:
+    def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
+                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
+                           return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform_full` would return a transform.
 

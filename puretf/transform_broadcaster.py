@@ -17,14 +17,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from puretf._core.composition import normalize_poses
 from puretf._core.times import nanoseconds_or_int
+from puretf._ros import transform_stamped
 from puretf._ros.qos import check_node, create_publisher, profile, TF
-from puretf._ros.transform_stamped import (
-    as_list,
-    check_edge,
-    check_pose,
-    explain_bad_fields,
-    fields_to_send,
-)
 from puretf._wire import cdr
 from puretf.exceptions import described
 
@@ -65,9 +59,9 @@ class TransformBroadcaster:
             cannot be normalised; or if the value of a field has a wrong type or does not fit the
             field.
         """
-        transforms = as_list(transform)
-        with explain_bad_fields(transforms):
-            fields = [*fields_to_send(transforms)]
+        transforms = transform_stamped.as_list(transform)
+        with transform_stamped.explain_bad_fields(transforms):
+            fields = [*transform_stamped.fields_to_send(transforms)]
             self.pub_tf.publish(cdr.pack_fields(fields))
         self._note(child for _, _, _, child, _ in fields)
 
@@ -102,7 +96,7 @@ class PreparedTransforms:
                     or [*map(type, edge)] != [str, str]):
                 raise TypeError('an edge must be two names, frame_id and child_frame_id; '
                                 f'got {described(edge)}')
-            check_edge(*edge)
+            transform_stamped.check_edge(*edge)
         self._packet = cdr.MessageTemplate(self.edges)
         self._publisher = publisher
 
@@ -121,5 +115,5 @@ class PreparedTransforms:
         data = self._packet.pack(nanoseconds_or_int(stamp), values)
         if not normalize_poses(values.copy()):
             for edge, pose in zip(self.edges, values.tolist()):
-                check_pose(*edge, pose)
+                transform_stamped.check_pose(*edge, pose)
         self._publisher.publish(data)

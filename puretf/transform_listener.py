@@ -9,6 +9,7 @@ from contextlib import suppress
 from functools import partial
 from time import monotonic
 from traceback import format_exception
+from types import SimpleNamespace
 from typing import Any, Optional, Union
 from weakref import ref
 
@@ -28,7 +29,7 @@ from puretf._ros.other_topics import Ear
 from puretf._ros.own_node import OwnNode
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC
 from puretf._ros.rclpy_private import missing_part, subscribe
-from puretf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
+from puretf._ros.subscription import AUTHORITY, QosMonitor, SubscriptionSource
 from puretf._wire import cdr
 from puretf.buffer_core import BufferCore
 from puretf.transform import Transform
@@ -109,7 +110,9 @@ class TransformListener:
         self._source: Any
         if self._uses_callbacks:
             self._thread = SpinThread(node, self.group, self._end, self._release)
-            self._source = NoMessages(node.context.ok)
+            # It has no messages, but blocked lookups give up when it is removed.
+            self._source = SimpleNamespace(
+                is_alive=node.context.ok, take=list, wake=lambda: None, close=lambda: None)
         else:
             if self._own is None:
                 self._qos_monitors += map(QosMonitor, self.subscriptions)

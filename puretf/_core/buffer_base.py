@@ -104,8 +104,9 @@ class BufferBase:
             is_accepted &= self._engine.insert_many(
                 times[part], frame_id, child_frame_id, rows[part].astype(np.float64), authority)
         cache_time, log = self._engine.tree.cache_time, self._engine.insertion.log
-        if expired := bisect_left(order, times.item(order[-2]) - cache_time, key=times.item
-                                  ) if len(order) > 1 else 0:
+        expired = len(order) > 1 and bisect_left(
+            order, times.item(order[-2]) - cache_time, key=times.item)
+        if expired:
             log.warn_once('TF_EXPIRED', texts.expired(
                 child_frame_id, expired, len(order), cache_time))
             log.flush()
@@ -357,8 +358,7 @@ class BufferBase:
         return Transform(stamp, target, source, pose[:3], pose[3:])
 
     def _seconds(self, timeout: Any) -> float:
-        seconds: float = self._ns(timeout, 'timeout') / SECOND
-        return seconds
+        return float(self._ns(timeout, 'timeout') / SECOND)
 
     def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0) -> Transform:
         stamp, pose = self._engine.wait(

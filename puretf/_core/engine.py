@@ -146,8 +146,7 @@ class Engine:
                is_static: bool) -> bool:
         """Insert a pose as `BufferBase.insert` does."""
         _check_names(frame_id, child_frame_id, authority)
-        if type(stamp) is not int:
-            stamp = nanoseconds_or_int(stamp, 'stamp')
+        stamp = nanoseconds_or_int(stamp, 'stamp')
         if not -END <= stamp < END:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
         x, y, z, qx, qy, qz, qw = array('d', pose)

@@ -6,6 +6,7 @@ of rclpy or rcl on which it relies.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 import ctypes
 from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache, partial
@@ -14,12 +15,8 @@ from itertools import islice
 from typing import Any, Optional
 from weakref import finalize
 
+from rclpy import event_handler
 from rclpy.callback_groups import CallbackGroup
-from rclpy.event_handler import (
-    QoSSubscriptionEventType,
-    SubscriptionEventCallbacks,
-    UnsupportedEventTypeError,
-)
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -139,12 +136,10 @@ _PARTS: dict[str, Callable[[], bool]] = {
 def missing_part() -> str:
     """Return the first private part that is not as a listener needs it; '' if there is none."""
     for name, is_there in _PARTS.items():
-        try:
-            fits = is_there()
-        except Exception:
-            fits = False
-        if not fits:
-            return name
+        with suppress(Exception):
+            if is_there():
+                continue
+        return name
     return ''
 
 
@@ -163,7 +158,7 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
     # rclpy 10 takes some of them by keyword only.
     return Subscription(
         handle, message_type, topic, callback, callback_group=group, qos_profile=qos, raw=True,
-        event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+        event_callbacks=event_handler.SubscriptionEventCallbacks(use_default_callbacks=False))
 
 
 def take_bytes(subscription: Any, most: int) -> list[tuple[bytes, Any]]:
@@ -178,10 +173,7 @@ def take_bytes(subscription: Any, most: int) -> list[tuple[bytes, Any]]:
 
 def is_given(node: Node, parameter: str) -> bool:
     """Return whether the user has set a parameter by ROS arguments."""
-    try:
-        return parameter in node._parameter_overrides
-    except AttributeError:
-        return False
+    return hasattr(node, '_parameter_overrides') and parameter in node._parameter_overrides
 
 
 def incompatible_qos(subscription: Subscription) -> Any:
@@ -193,10 +185,10 @@ def incompatible_qos(subscription: Subscription) -> Any:
     """
     with subscription.handle:
         try:
+            kinds = event_handler.QoSSubscriptionEventType
             return _rclpy.EventHandle(
-                subscription.handle,
-                QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS)
-        except UnsupportedEventTypeError:
+                subscription.handle, kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS)
+        except event_handler.UnsupportedEventTypeError:
             return None
 
 

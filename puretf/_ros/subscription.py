@@ -45,22 +45,6 @@ class TopicSubscription:
         self.reader = MessageReader(on_fault)
 
 
-class NoMessages:
-    """A source without messages, so that blocked lookups give up when the listener ends."""
-
-    def __init__(self, is_alive: Callable[[], bool]) -> None:
-        self.is_alive = is_alive
-
-    def take(self) -> list[BatchOrRows]:
-        return []
-
-    def wake(self) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
-
-
 class SubscriptionSource:
     """The source from which a buffer takes the messages of /tf and /tf_static."""
 
