@@ -146,7 +146,8 @@ class Engine:
                is_static: bool) -> bool:
         """Insert a pose as `BufferBase.insert` does."""
         _check_names(frame_id, child_frame_id, authority)
-        stamp = nanoseconds_or_int(stamp, 'stamp')
+        if type(stamp) is not int:  # most are
+            stamp = nanoseconds_or_int(stamp, 'stamp')
         if not -END <= stamp < END:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
         x, y, z, qx, qy, qz, qw = array('d', pose)

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from environment import on_unix
+import numpy as np
 import pytest
 
 from puretf import bag, TransformBuffer
@@ -86,7 +87,8 @@ def test_a_window_without_tf(tmp_path, kind, window):
     start, stop = window
     with bag.open(path) as opened:
         assert [*opened.messages(start=start, stop=stop)] == []
-        found = [*opened.messages(others=['/scan'], start=start, stop=stop)]
+        found = [*opened.messages(
+            others=['/scan'], start=np.datetime64(start, 'ns'), stop=stop)]
         assert [message.topic.name for message in found] == ['/scan'] * (start <= 2 * S < stop)
     with bag.open(path, namespace='robot') as opened, pytest.raises(BagError, match='has no TF'):
         next(opened.messages(start=start, stop=stop))
