@@ -38,7 +38,7 @@ WITH_ARM = {('bags.md', 'Record a bag'), ('commands.md', 'check_arm'), ('command
             ('commands.md', 'tf_doctor'), ('commands.md', 'tf_trajectory'),
             ('commands.md', 'view_frames'), ('web.md', 'A file that plays without a server')}
 #: The sections that take long: they install packages, or start many programs or long ones.
-LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), ('robots.md', 'Install'), *(
+LONG = {('README.md', 'Where it runs'), ('bags.md', 'Install'), ('robots.md', 'Install'), *(
     ('commands.md', name) for name in (
         'check_arm', 'param', 'Several robots', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
         'tf_trajectory', 'view_frames')), *(

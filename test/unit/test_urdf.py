@@ -60,7 +60,7 @@ def test_every_link_can_be_seen_and_hit():
 def test_links_can_be_told_apart():
     """rviz2 draws all shapes of a link in the colour of the first one, on (48, 48, 48)."""
     robot = ElementTree.parse(PATH).getroot()
-    colours = [link.find('visual/material').get('name')
+    colours = [next(link.iterfind('visual/material')).get('name')
                for link in robot.iterfind('link')]
     assert 'dark' not in colours
     assert all(first != second for first, second in pairwise(colours))
