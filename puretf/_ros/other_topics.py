@@ -27,8 +27,9 @@ class TransformSampler(TopicWatch):
     def __init__(self, node: Node, own: Sequence[str]) -> None:
         super().__init__(node, lambda: (
             (topic, TFMessage) for topic in other_topics(node, own)), _MOST_TOPICS, _DEPTH)
-        #: By topic and publisher: the parents.
+        #: By topic and publisher: the parents, and when one was received last (s).
         self._parents: defaultdict[tuple[str, str], dict[str, str]] = defaultdict(dict)
+        self._times: dict[tuple[str, str], float] = {}
 
     def poll(self) -> None:
         """Read what has arrived, and twice a second search for topics."""
@@ -36,6 +37,7 @@ class TransformSampler(TopicWatch):
         for topic in self.readers:
             for data, _ in self.take(topic):
                 parents = self._parents[topic, data.publisher]
+                self._times[topic, data.publisher] = monotonic()
                 with suppress(ValueError):  # malformed
                     for row in data.rows() if len(parents) < _MOST_FRAMES else ():
                         parent = row.frame_id.removeprefix('/')
@@ -43,12 +45,14 @@ class TransformSampler(TopicWatch):
                         if parent and child and not is_too_long(child):
                             parents[child] = parent
 
-    def heard(self) -> list[Heard]:
-        """Return what each publisher has sent."""
+    def heard(self, since: float = 0.0) -> list[Heard]:
+        """Return what publishers have sent that were heard since a time (s), or latch it."""
         nodes = self._nodes()
         return [Heard(topic, gid, [nodes[topic][gid]] if gid in nodes[topic] else
                       sorted({*nodes[topic].values()}), parents)
-                for (topic, gid), parents in self._parents.items()]
+                for (topic, gid), parents in self._parents.items()
+                if self._times[topic, gid] >= since or (
+                    topic.endswith('_static') and nodes[topic])]
 
     def is_complete(self) -> bool:
         """Return whether each publisher has sent something, and its node is known."""

@@ -235,7 +235,7 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
         node, counter = listener.node, _Counter(listener)
         statistics = counter.statistics
         static, dynamic = listener.topics
-        headers, robots = HeaderSampler(node), RobotListener(node, dynamic)
+        headers, robots, pulse = HeaderSampler(node), RobotListener(node, dynamic), listener.pulse
         transforms = TransformSampler(node, (static, dynamic))
         clock = listener.clock_sampler
         survey = SimTimeSurvey(node, clock, lambda: {
@@ -268,7 +268,7 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
                        if TF_MESSAGE in types and node.count_publishers(topic)],
             not_known=_not_known(listener, counter), left_out=left_out, end=counter.end,
             ahead=listener.ahead, clock_text=listener.clock_text(),
-            clock_stands=clock.stands(), around=around)
+            clock_stands=clock.stands(), around=around, seconds=elapsed, late=pulse.late())
 
 
 def _not_known(listener: 'FrameListener', counter: _Counter) -> dict[str, str]:

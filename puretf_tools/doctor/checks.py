@@ -22,7 +22,7 @@ from puretf._text.similar_names import near_names, suggest_names
 from puretf._text.times import CACHE_TIME, exact_time
 from puretf_tools.doctor.message_times import LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import is_in_time, Observation, total
-from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Stream
+from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Step
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import loops
@@ -62,6 +62,9 @@ class Finding(NamedTuple):
     remedy: str  #: what to do, in one sentence
     section: str  #: the short name of one in docs/troubleshooting.md
     time: int  #: when it was, by the stamps (ns); 0: at no single time
+    #: On the page: when it was first and last seen (s, monotonic clock); `over` 0.0: it is there.
+    since: float = 0.0
+    over: float = 0.0
 
 
 class _Fault(NamedTuple):
@@ -411,7 +414,7 @@ def _is_off(track: Track) -> bool:
 
 
 def _step_text(tracks: Sequence[Track]) -> str:
-    length, before = max(track.stream.largest_step for track in tracks)
+    length, before, _ = max(track.stream.largest_step for track in tracks)
     return (f'the stamps of {listed(map(_child_of, tracks))} step forward by {_known(length)} '
             f'after {exact_time(before)}, while transforms arrive as before')
 
@@ -704,27 +707,21 @@ def _last_stamps(observation: Observation) -> dict[str, list[int]]:
         'lose input, or does it publish only when something happens?', 'future', severity=WARNING)
 def _gap(observation: Observation) -> Iterator[_Fault]:
     """Find gaps between stamps (more than 3 periods), and frames that have ended."""
-    paused: list[Track] = []
-    for tracks in observation.by_publisher(_has_gap):
-        worst = max(tracks, key=itemgetter('largest_step'))
-        if _is_pause(observation, worst.stream):
-            paused += tracks
-            continue
-        stream, (length, before) = worst.stream, worst.stream.largest_step
-        hole = (f'no transform of {shortened(worst.child)} for {in_words(length)} after '
-                f'{exact_time(before)}' if stream.is_hole else _step_text([worst]))
-        yield _Fault(f'{hole}; {stream.gaps} of {stream.steps} steps from stamp to stamp are '
-                     f'longer than {GAP} periods of {stream.period / SECOND:.2g} s', tracks,
-                     time=before)
-    if paused:
-        length, before = max(track.stream.largest_step for track in paused)
-        yield _Fault(f'nothing has arrived on any topic for {in_words(length)} after '
-                     f'{exact_time(before)}', paused, severity=INFO, time=before,
-                     remedy='If nobody has paused it, look at the computer that listens.')
-    ended = {track for track in observation.newest.values()
-             if track.stream.steps >= FEWEST and track['last_time'] and (
-                 observation.until - track['last_time'] > max(
-                     GAP * track.stream.period, SHORTEST_GAP))}
+    gaps = {track: found for track, found, is_busy in observation.gaps if not is_busy}
+    for tracks in observation.by_publisher(gaps.__contains__):
+        holes = {track: track.stream.longest(gaps[track]) for track in tracks}
+        while holes:  # each hole is named, with all frames that have it
+            worst = max(holes, key=lambda track: holes[track].length)
+            stream, hole = worst.stream, holes[worst]
+            group = {track: each for track, each in holes.items()
+                     if each.begin < hole.end and hole.begin < each.end}
+            holes = {track: each for track, each in holes.items() if track not in group}
+            text = _hole_text(worst, hole) if stream.is_hole(hole.at) else _step_text([worst])
+            yield _Fault(
+                f'{text}; {len(gaps[worst])} of {stream.steps} steps from stamp to stamp are '
+                f'longer than {GAP} periods of {stream.period / SECOND:.2g} s', [*group],
+                time=hole.begin)
+    ended = set() if _are_all_silent(observation) else _ended(observation)
     for tracks in observation.by_publisher(ended.__contains__):
         silence = observation.until - min(track['last_time'] for track in tracks)
         node, name = _ended_node(observation, tracks[0]), observation.node_of(tracks[0])
@@ -739,21 +736,54 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                      time=min(track['latest'] for track in tracks))
 
 
-def _is_pause(observation: Observation, paused: Stream) -> bool:
-    """Return whether nothing of several nodes has arrived during the largest step of a stream."""
-    begin, end = paused.arrivals[paused.at:paused.at + 2].tolist()
-    slack, nodes = max(SHORTEST_GAP, paused.period), set[str]()
-    for node, stream in chain(
-            ((observation.node_of(each) or f'{id(each.stream)}', each.stream)
-             for each in observation.tracks),
-            ((node, topic.stream) for topic in observation.message_times
-             for node in observation.senders.get(topic.topic) or [topic.topic])):
-        first, after = stream.arrivals.searchsorted([begin + slack, end - slack]).tolist()
-        if first < after:
-            return False
-        if 0 < first < len(stream.arrivals) and end - begin > GAP * stream.period:
-            nodes.add(node)
-    return len(nodes) > 1 and not paused.has_many_gaps and end - begin > 2 * slack + SECOND
+def _hole_text(track: Track, step: Step) -> str:
+    return (f'no transform of {shortened(track.child)} for {in_words(step.length)} after '
+            f'{exact_time(step.begin)}')
+
+
+def _ended(observation: Observation) -> set[Track]:
+    """Return the newest tracks of frames that were sent often, and are not any more."""
+    return {track for track in observation.newest.values()
+            if track.stream.steps >= FEWEST and track['last_time'] and (
+                observation.until - track['last_time'] > max(
+                    GAP * track.stream.period, SHORTEST_GAP))}
+
+
+def _are_all_silent(observation: Observation) -> bool:
+    """Return whether several nodes, which still exist, have fallen silent at the same time."""
+    ended, times = _ended(observation), [
+        track['last_time'] for track in observation.tracks if track.stream.steps >= FEWEST]
+    return len({*map(observation.node_of, ended)}) > 1 and np.ptp(times) < SECOND and (
+        len(times) == len(ended)) and {track.publisher for track in ended} <= {
+            *(observation.present or ())}
+
+
+@_check('listener_busy', 'If nobody has paused it, look at the load and at the network of the '
+        'computer that listens.', 'future', severity=INFO)
+def _listener_busy(observation: Observation) -> Iterator[_Fault]:
+    """Find that this program ran late, or that all nodes were silent at the same time."""
+    paused = {track: track.stream.longest(gaps)
+              for track, gaps, is_busy in observation.gaps if is_busy}
+    late = [track for track in observation.tracks if observation.has_late(track, is_busy=True)]
+    lateness = in_words(max((length for _, length in observation.late), default=0))
+    if paused:
+        worst = max(paused, key=paused.__getitem__)
+        length, begin, at = paused[worst]
+        is_silence = any(first < worst.stream.arrivals[at + 1] and worst.stream.arrivals[at] < last
+                         for first, last in observation.silences)
+        yield _Fault(f'nothing has arrived on any topic for {in_words(length)} after '
+                     f'{exact_time(begin)}' if is_silence else
+                     f'{_hole_text(worst, paused[worst])}, while this program was up to '
+                     f'{lateness} late', [*paused, *late], time=begin)
+    elif late:
+        yield _Fault(f'{_off_text(late, "late", "greatest_delay")}, while this program was up to '
+                     f'{lateness} late, or nothing has arrived on any topic', late)
+    if _are_all_silent(observation):
+        ended = _ended(observation)
+        silence = observation.until - max(track['last_time'] for track in ended)
+        yield _Fault(f'nothing has arrived from any of {len({*map(observation.node_of, ended)})} '
+                     f'nodes in the last {in_words(silence)}',
+                     [*filter(ended.__contains__, observation.tracks)], severity=WARNING)
 
 
 def _ended_node(observation: Observation, track: Track) -> str:
@@ -768,12 +798,6 @@ def _ended_node(observation: Observation, track: Track) -> str:
 
 def _start_again(node: str) -> str:
     return RULES['gap'].remedy.format(node=node) if node else ''
-
-
-def _has_gap(track: Track) -> bool:
-    stream = track.stream
-    return stream.steps >= FEWEST and (stream.has_many_gaps or bool(
-        stream.has_long_step and not stream.clock_step and (not stream.stall or stream.is_hole)))
 
 
 @_check('message_early', 'Wait for the transforms, or make the publisher send them sooner, or '
@@ -840,7 +864,7 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
         'future', severity=WARNING, needs=('arrivals',))
 def _late(observation: Observation) -> Iterator[_Fault]:
     """Find transforms that arrive more than 0.5 s after their stamp."""
-    for tracks in observation.by_publisher(lambda track: track.stream.has_many('late')):
+    for tracks in observation.by_publisher(observation.has_late):
         yield _off_by_many(
             observation, tracks, 'late', 'greatest_delay', _play(observation, tracks))
 
@@ -889,7 +913,8 @@ def _off_text(tracks: Sequence[Track], field: str, *extremes: str) -> str:
 
 @_check('time_goes_back', 'Send the transforms of a frame in the order of their stamps; if a '
         'simulation or a bag was started again, end the nodes of the run before, and restart the '
-        'listeners, or call clear() of their buffers.', 'old_data', severity=WARNING)
+        'listeners, or call clear() of their buffers.', 'old_data', severity=WARNING,
+        explains=('late',))
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that are earlier than those before; listeners may refuse them."""
     groups: dict[frozenset[str], list[str]] = {}  # by the publishers: the frames
@@ -906,15 +931,15 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
         refused = sum(observation.refused[child] for child in children)
         back, count = (sum(each) for each in zip(*(
             (stream.backwards, len(stream.stamps)) for stream in streams)))
+        is_large = worst.step_back > SHORTEST_GAP  # a clock that is adjusted may go back a little
         consequence = (f'; a buffer with the default cache of {CACHE_TIME // SECOND} s refuses '
                        f'{refused} transforms' if refused else '')
         yield _Fault(f'{back} of {count} transforms of {listed(children)} with an earlier stamp '
                      f'than the one before; the largest step back is {in_words(worst.step_back)}, '
                      f'from {exact_time(worst.step_back_at)}{consequence}',
                      [track for child in children for track in observation.by_child[child]],
-                     # A clock that is adjusted may go back a little.
-                     severity='' if worst.step_back > SHORTEST_GAP else INFO,
-                     time=worst.step_back_at)
+                     severity='' if is_large else INFO, time=worst.step_back_at,
+                     scope=None if is_large else [''])
 
 
 @_check('same_stamp', 'Give each transform its own time.', 'repeated_data', severity=WARNING)
@@ -989,7 +1014,7 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',
-        'two_trees', severity=INFO)
+        'two_trees', severity=INFO, needs=('settled',))
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     """Find several trees; lookups from one to another fail."""
     if len(observation.trees) > 1:

@@ -7,14 +7,15 @@ from operator import itemgetter
 from typing import Optional, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surroundings
 from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
-from puretf._text.times import CACHE_TIME
+from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import judge, MessageTimes
-from puretf_tools.doctor.stream import Edge, NEVER, Stream
+from puretf_tools.doctor.stream import Edge, GAP, NEVER, SHARE, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.gaps import in_words
@@ -24,6 +25,11 @@ from puretf_tools.robot.observed import RobotsInBag
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
+#: Before this time (s), static transforms may be missing.
+_SETTLED = 2.0
+#: A computer is busy if this program loses this part of a time of at most `_LONGEST_BUSY` (ns),
+#: with what is `_AROUND` it (ns).
+_BUSY, _LONGEST_BUSY, _AROUND = 0.1, 3 * SECOND, SECOND // 2
 
 
 @dataclass
@@ -73,8 +79,13 @@ class Observation:
     #: The track with the most transforms, if a bag was recorded with another clock than that of
     #: most stamps.
     clock: Optional[Track] = None
+    seconds: float = _SETTLED  #: how long it took, if this is known
+    #: When this program ran late (ns, on the system clock), and by how much (ns), in order.
+    late: Sequence[tuple[int, int]] = ()
 
     def __post_init__(self) -> None:
+        if self.seconds < _SETTLED:
+            self.not_known['settled'] = f'it took less than {_SETTLED:g} s'
         self.tracks = self.statistics.tracks()
         #: By child: the tracks, the one whose last transform arrived last, and its newest parent.
         self.by_child: dict[str, list[Track]] = {}
@@ -177,6 +188,67 @@ class Observation:
             found[child] = sum(int(np.count_nonzero(
                 part < np.maximum.accumulate(part) - CACHE_TIME)) for part in parts)
         return found
+
+    @cached_property
+    def silences(self) -> list[tuple[int, int]]:
+        """When nothing has arrived from several nodes, nor on any topic (ns)."""
+        streams = [(self.node_of(track) or f'{id(track.stream)}', track.stream)
+                   for track in self.tracks]
+        streams += [(node, topic.stream) for topic in self.message_times
+                    for node in self.senders.get(topic.topic) or [topic.topic]]
+        arrivals = np.sort(np.concatenate([
+            stream.arrivals for stream in {stream for _, stream in streams}]))
+        found = []
+        for i in np.flatnonzero(np.diff(arrivals) > SECOND).tolist():
+            begin, end = arrivals[i:i + 2].tolist()
+            if len({node for node, stream in streams if len(stream.arrivals)
+                    and stream.arrivals[0] <= begin < end <= stream.arrivals[-1]
+                    and end - begin > GAP * stream.period}) > 1:
+                found.append((begin, end))
+        return found
+
+    def were_busy(self, begins: NDArray[np.int64], ends: NDArray[np.int64], slack: float
+                  ) -> NDArray[np.bool_]:
+        """
+        Return for some times (ns) whether this program ran late, or all nodes were silent.
+
+        :param slack: by how much the silence may be shorter (ns).
+        """
+        times, late = np.array([*self.late, (NEVER, 0)], np.int64).T
+        sums = np.append(0, np.cumsum(late))
+        lost = sums[times.searchsorted(ends + _AROUND)] - sums[
+            times.searchsorted(begins - _AROUND)]
+        found: NDArray[np.bool_] = (lost > _BUSY * (ends - begins + 2 * _AROUND)) & (
+            ends - begins < _LONGEST_BUSY)
+        for begin, end in self.silences if (ends - begins > SECOND).any() else ():
+            found |= (begin <= begins + slack) & (end >= ends - slack)
+        return found
+
+    @cached_property
+    def gaps(self) -> list[tuple[Track, NDArray[np.int64], bool]]:
+        """
+        The tracks with many or long gaps.
+
+        Each has the indices of its gaps, without those at which the listener was busy; if these
+        leave nothing to be reported, all of them and True.
+        """
+        found = []
+        for track in self.tracks:
+            stream, gaps = track.stream, track.stream.gaps
+            if stream.has_gaps(gaps):
+                own = gaps[~self.were_busy(stream.arrivals[gaps], stream.arrivals[gaps + 1],
+                                           max(SHORTEST_GAP, stream.period))]
+                is_busy = not stream.has_gaps(own)
+                found.append((track, gaps if is_busy else own, is_busy))
+        return found
+
+    def has_late(self, track: Track, is_busy: bool = False) -> bool:
+        """Return whether many transforms are late, since the listener was busy, or else."""
+        stream = track.stream
+        if not stream.has_many('late'):
+            return False
+        number = stream.late - int(self.were_busy(*stream.late_spans(), SHORTEST_GAP).sum())
+        return is_busy != (number - stream.stalled > SHARE * stream.delays)
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:

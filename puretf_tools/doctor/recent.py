@@ -1,43 +1,31 @@
 """What the checks find in the transforms that arrive, while a program listens."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import inf
 from time import thread_time
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from puretf._causes.facts import Heard
-from puretf.transform_table import Message, TransformTable
-from puretf_tools.doctor.checks import Finding, SEVERITIES
+from puretf.transform_table import Message, transform_tables, TransformTable
+from puretf_tools.doctor.checks import diagnose, Finding, SEVERITIES
 from puretf_tools.doctor.observation import Observation
-from puretf_tools.doctor.report import examine
+from puretf_tools.doctor.stream import FEWEST
 from puretf_tools.doctor.tf_statistics import Statistics
-from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import SETTLING
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
 
-#: The time between two examinations, and that after which the statistics begin again (s). An
-#: examination is followed by a rest of `_REST` times as long.
-_PERIOD, _LENGTH, _REST = 3.0, 30.0, 19.0
+#: The time between two examinations, what they look at, and what is over if it is not found in the
+#: last part of it (s). An examination is followed by a rest of `_REST` times as long.
+_PERIOD, _LENGTH, _LAST, _REST = 3.0, 30.0, 6.0, 19.0
+#: The largest number of transforms that are kept; a table counts as some more.
+_MOST, _TABLE = 300_000, 10
+#: Of a frame that is sent too seldom now, it is not known whether these are over.
+_OF_STEPS = 'gap', 'jump', 'one_shot'
 _NOT_KNOWN = dict.fromkeys(('headers', 'listeners', 'qos'), 'tf_doctor looks for them')
-
-
-class _Statistics(Statistics):
-    """Statistics that know the last two transforms of each frame, from which others can begin."""
-
-    def __init__(self, clock: StampClock) -> None:
-        super().__init__(SETTLING, clock)
-        self.last: dict[tuple[object, ...], TransformTable] = {}
-
-    def add(self, table: TransformTable) -> None:
-        super().add(table)
-        key = table.publisher, table.is_static, *table.edges
-        tables = [self.last[key], table] if key in self.last else [table]
-        times, stamps, poses = (np.concatenate(each)[-2:] for each in zip(
-            *((each.times, each.stamps, each.poses) for each in tables)))
-        self.last[key] = table._replace(times=times, stamps=stamps, poses=poses)
+#: By publisher, whether it is static, and child: a table, and the column of the edge.
+_Newest = dict[tuple[str, bool, str], tuple[TransformTable, int]]
 
 
 class RecentFindings:
@@ -45,56 +33,105 @@ class RecentFindings:
 
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener = listener
-        self._statistics = _Statistics(listener.clock)
         self._was_simulated = listener.clock.is_simulated
-        self._next = self._begin = 0.0  # of the next examination, and of the statistics (s)
-        #: By code and frames: the finding, and when it was last found (s).
-        self._found: dict[tuple[str, tuple[str, ...]], tuple[Finding, float]] = {}
-        self.findings: Sequence[Finding] = ()
+        self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
+        #: When transforms were received (s), and these; the newest one of each edge before.
+        self._tables: list[tuple[float, list[TransformTable]]] = []
+        self._before: _Newest = {}
+        self.findings: Sequence[Finding] = ()  #: those that are over come last
         self.verdict = ''
 
     def update(self, messages: Iterable[Message], is_complete: bool,
-               other_transforms: Sequence[Heard], now: float) -> None:
+               others: Callable[[float], Sequence[Heard]], now: float) -> None:
         """
-        Count messages, and from time to time examine the statistics.
+        Examine the messages of the last half minute.
 
+        :param messages: those since the last call.
         :param is_complete: False if messages before these were lost.
+        :param others: returns what was heard on other topics since a time (s).
         :param now: on the monotonic clock (s).
         """
         begin = thread_time()
+        self._begin = min(self._begin, now)
         if self._was_simulated != (simulated := self._listener.clock.is_simulated):
-            self._was_simulated, self._found = simulated, {}
-        if not is_complete or now >= self._begin + _LENGTH:
-            # Begin again with the last transforms of each frame: some are sent seldom, or once.
-            before, self._begin = self._statistics.last, now
-            self._statistics = _Statistics(self._listener.clock)
-            for table in before.values():
-                if table.is_static or (
-                        is_complete and self._listener.is_present(table.publisher) is not False):
-                    self._statistics.add(table)
-        self._statistics.add_messages(messages)
-        self._examine(other_transforms, now)
+            self._was_simulated, self.findings = simulated, ()
+        if not is_complete:
+            self._before, self._tables = self._parts(inf)
+        self._tables.append((now, [*transform_tables(messages)]))
+        count, oldest = 0, now - _LENGTH + _PERIOD
+        for time, tables in reversed(self._tables[:-1]):
+            count += sum(table.stamps.size + _TABLE for table in tables)
+            oldest = max(oldest, time) if count > _MOST else oldest
+        self._before, self._tables = self._parts(oldest)
+        self._examine(others, now)
         self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
 
     def is_due(self, now: float) -> bool:
         """Return whether `update` is to be called, so that it takes 5 % of the time at most."""
         return now >= self._next
 
-    def _examine(self, other_transforms: Sequence[Heard], now: float) -> None:
-        listener, statistics = self._listener, self._statistics
-        static, dynamic = listener.topics
-        end = listener.now()
-        not_known = {} if end else {'arrivals': 'no message has arrived on /clock'}
-        report = examine(Observation(
+    def _parts(self, time: float) -> tuple[_Newest, list[tuple[float, list[TransformTable]]]]:
+        """Return the newest of each edge before a time (s), and what was received after it."""
+        newest, after = {**self._before}, [each for each in self._tables if each[0] > time]
+        for _, tables in self._tables[:len(self._tables) - len(after)]:
+            for table in tables:
+                newest.update((key, (table, i)) for i, key in enumerate(_keys(table)))
+        goes_on = {key for _, tables in after for table in tables for key in _keys(table)}
+        return {key: each for key, each in newest.items() if (key[1] or key in goes_on)
+                and self._listener.is_present(key[0]) is not False}, after
+
+    def _observed(self, others: Callable[[float], Sequence[Heard]], now: float, time: float
+                  ) -> Observation:
+        """Return what was received after a time (s)."""
+        listener, (newest, after) = self._listener, self._parts(time)
+        statistics = Statistics(SETTLING, listener.clock)
+        columns: dict[int, tuple[TransformTable, list[int]]] = {}
+        for table, column in newest.values():
+            columns.setdefault(id(table), (table, []))[1].append(column)
+        for table, numbers in columns.values():
+            statistics.add(table._replace(
+                edges=[table.edges[i] for i in numbers], times=table.times[-1:],
+                stamps=table.stamps[-1:, numbers], poses=table.poses[-1:, numbers],
+                nanosec=table.nanosec * table.is_static))
+        for _, tables in after:
+            for table in tables:
+                statistics.add(table)
+        (static, dynamic), end, not_known = listener.topics, listener.now(), dict(_NOT_KNOWN)
+        if not end:
+            not_known['arrivals'] = 'no message has arrived on /clock'
+        return Observation(
             statistics, '', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
-            other_transforms=other_transforms, not_known=_NOT_KNOWN | not_known,
-            end=end, ahead=listener.ahead))
-        self._found = {key: each for key, each in self._found.items() if each[1] > now - _LENGTH}
-        self._found.update({(finding.code, finding.frames): (finding, now)
-                            for finding in report.findings if finding.code != 'no_transforms'})
-        self.findings = sorted((finding for finding, _ in self._found.values()), key=lambda each: (
-            SEVERITIES.index(each.severity), each.code, each.frames))
-        count, clock = len(self.findings), listener.clock_text()
+            other_transforms=others(time), end=end, ahead=listener.ahead,
+            not_known=not_known, seconds=now - self._begin, late=listener.pulse.late())
+
+    def _examine(self, others: Callable[[float], Sequence[Heard]], now: float) -> None:
+        observed = self._observed(others, now, now - _LENGTH)
+        found = [each for each in diagnose(observed) if each.code != 'no_transforms']
+        last = max((time for time, _ in self._tables if time <= now - _LAST), default=-inf)
+        if found and last > -inf:
+            observed = self._observed(others, now, last)
+        still, findings = diagnose(observed) if found else [], []
+        regular = {each.child for each in observed.tracks if each.stream.steps >= FEWEST}
+        for each in found:
+            before = next((old for old in self.findings if _is_same(old, each)), None)
+            is_over = not any(_is_same(other, each) for other in still) and (
+                each.code not in _OF_STEPS or {*each.frames} <= regular)
+            since, over = (before.since, before.over) if before else (now, 0.0)
+            findings.append(each._replace(
+                since=since, over=(over or max(since, last)) if is_over else 0.0))
+        self.findings = sorted(findings, key=lambda each: (
+            each.over > 0.0, SEVERITIES.index(each.severity), each.code, each.frames))
+        count, clock = len(findings), self._listener.clock_text()
         self.verdict = (f'{count} finding{"" if count == 1 else "s"}' if count else 'healthy') + (
             f' in the last {_LENGTH:.0f} s{clock and f"; {clock}"}')
+
+
+def _keys(table: TransformTable) -> Iterator[tuple[str, bool, str]]:
+    return ((table.publisher, table.is_static, child.removeprefix('/'))
+            for _, child in table.edges)
+
+
+def _is_same(finding: Finding, other: Finding) -> bool:
+    return finding.code == other.code and (
+        finding.frames == other.frames or not {*finding.frames}.isdisjoint(other.frames))

@@ -36,7 +36,8 @@ class Report(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict of plain values, as in the JSON of `tf_doctor`."""
-        return {**self._asdict(), 'findings': [each._asdict() for each in self.findings]}
+        return {**self._asdict(), 'findings': [
+            dict(zip(each._fields[:-2], each)) for each in self.findings]}
 
     def __str__(self) -> str:
         """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""

@@ -44,6 +44,18 @@ class Stall(NamedTuple):
     is_last: bool  #: whether the last stamp stands
 
 
+class Step(NamedTuple):
+    """A step forward from stamp to stamp."""
+
+    length: int = 0  #: ns
+    begin: int = 0  #: the stamp before it (ns)
+    at: int = 0  #: the index of that
+
+    @property
+    def end(self) -> int:
+        return self.begin + self.length
+
+
 class Edge:
     """Transforms as a listener receives them."""
 
@@ -106,15 +118,16 @@ class Stream:
         forward = steps[steps > 0]
         self.steps = len(forward)  #: the number of steps forward, from stamp to stamp
         self.period = float(np.median(forward)) if self.steps else 0.0  #: their median (ns)
-        #: The number of steps that are gaps.
-        self.gaps = int(np.count_nonzero(forward > GAP * max(self.period, _SHORTEST_PERIOD)))
-        self.has_many_gaps = self.gaps >= max(_FEWEST_GAPS, _JITTER * self.steps)
-        #: The index of the stamp before the largest step.
-        self.at = int(steps.argmax()) if self.steps else 0
-        #: The largest step, and the stamp before it (ns); 0, 0: there is none.
-        self.largest_step = (int(steps[self.at]), int(self.stamps[self.at])) if (
-            self.steps) else (0, 0)
-        self.has_long_step = self.largest_step[0] > max(GAP * self.period, SHORTEST_GAP)
+        #: The indices of the stamps before gaps.
+        self.gaps = np.flatnonzero(steps > GAP * max(self.period, _SHORTEST_PERIOD))
+        if (steps < 0).any():  # after a step back, other stamps can fill a step
+            ordered = np.sort(self.stamps)
+            is_filled = ordered.searchsorted(self.stamps[self.gaps], 'right') < (
+                ordered.searchsorted(self.stamps[self.gaps + 1]))
+            steps[self.gaps[is_filled]] = 0
+            self.gaps = self.gaps[~is_filled]
+        #: The largest one; of length 0: there is none.
+        self.largest_step = self.longest(np.array([steps.argmax()])) if self.steps else Step()
         self.backwards = int(np.count_nonzero(steps < 0))  #: the number of steps back
         self.step_back = -int(steps.min(initial=0))  #: the largest step back (ns)
         #: The stamp before it (ns); 0: there is none.
@@ -156,11 +169,31 @@ class Stream:
         """The same as a listener receives it; there must be at least one."""
         return Edge(self.arrivals, self.stamps)
 
-    @cached_property
-    def is_hole(self) -> bool:
-        """True if nothing has arrived during the largest step."""
+    def is_hole(self, at: int) -> bool:
+        """Return True if nothing has arrived during a step, given by the index before it."""
         pauses = np.diff(self.arrivals)
-        return not self.steps or bool(pauses[self.at] > GAP * np.median(pauses))
+        return bool(pauses[at] > GAP * np.median(pauses))
+
+    def longest(self, at: _Array) -> Step:
+        """Return the longest of some steps, given by the indices before them."""
+        steps = self.stamps[at + 1] - self.stamps[at]
+        i = steps.argmax()
+        return Step(int(steps[i]), int(self.stamps[at[i]]), int(at[i]))
+
+    def has_gaps(self, gaps: _Array) -> bool:
+        """Return whether some of its gaps are many, or one of them is long."""
+        if self.steps < FEWEST or not len(gaps):
+            return False
+        step = self.longest(gaps)
+        return len(gaps) >= max(_FEWEST_GAPS, _JITTER * self.steps) or bool(
+            step.length > SHORTEST_GAP and not self.clock_step and (
+                not self.stall or self.is_hole(step.at)))
+
+    def late_spans(self) -> tuple[_Array, _Array]:
+        """Return when those that are late were sent, and when they arrived (ns)."""
+        delays = np.asarray(self._delays())
+        is_late = (delays > LATE) & (delays <= OTHER_CLOCK)
+        return self.arrivals[is_late] - delays[is_late], self.arrivals[is_late]
 
     @cached_property
     def clock_step(self) -> Optional[tuple[float, float]]:
@@ -170,9 +203,10 @@ class Stream:
         Stamps step forward, while messages arrive as before, and delays are constant otherwise.
         """
         delays = self._delays()
-        if not self.has_long_step or delays is None or self.is_hole:
+        length, _, at = self.largest_step
+        if length <= max(SHORTEST_GAP, GAP * self.period) or delays is None or self.is_hole(at):
             return None
-        parts = delays[:self.at + 1], delays[self.at + 1:]
+        parts = delays[:at + 1], delays[at + 1:]
         if min(map(len, parts)) < FEWEST:
             return None
         (low, before, high), (least, after, most) = (

@@ -1,5 +1,6 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
+from functools import cached_property
 from time import monotonic
 from typing import Optional
 
@@ -12,6 +13,7 @@ from puretf._text.names import comma_list, visible
 from puretf._text.times import CACHE_TIME
 from puretf.publisher_listener import is_given, PublisherListener, Received, ReceivedMessage
 from puretf_tools.inspection.clock_sampler import ClockSampler, is_tool, TOPIC
+from puretf_tools.inspection.pulse import Pulse
 from puretf_tools.inspection.stamp_clock import PATIENCE
 from puretf_tools.inspection.terminal import Once
 from puretf_tools.inspection.time_watch import TimeWatch
@@ -39,6 +41,11 @@ class FrameListener(PublisherListener):
         #: The names of the topics of static and of dynamic transforms, after remapping.
         self.topics = [each.topic_name for each in self.subscriptions]
         self._time_watch = TimeWatch(self)
+
+    @cached_property
+    def pulse(self) -> Pulse:
+        """How late this program runs, from the first look on."""
+        return Pulse()
 
     def time_hint(self) -> str:
         """Clear the buffer if time goes back, and say so: see `TimeWatch.follow`."""
@@ -110,6 +117,8 @@ class FrameListener(PublisherListener):
             now=self.clock.now(), is_simulated=self.clock.is_simulated)
 
     def _release(self) -> None:
+        if 'pulse' in self.__dict__:
+            self.pulse.end()
         self.clock_sampler.close()
         super()._release()
 

@@ -253,7 +253,7 @@ class LiveFeed(Feed):
         if self._recent.is_due(now):
             self._others.poll()
             self._recent.update(
-                self._waiting[-_MOST_WAITING:], not self._has_lost, self._others.heard(), now)
+                self._waiting[-_MOST_WAITING:], not self._has_lost, self._others.heard, now)
             self._waiting, self._has_lost = [], False
             self.findings, self.verdict = self._recent.findings, self._recent.verdict
             self.hint = self._frame_listener.topics_hint()

@@ -299,6 +299,11 @@ FAULTY = [
     Situation('a publisher is silent', World([DRIVER._replace(end=-5.0)], has_gids=True),
               [Lookup('odom', 'base_link', [], ('5.0 s ago. Publisher: /driver.',), at=0.0)],
         finds=['gap'], after=[AGAIN], report=['20.0 Hz before.', 'Look at the node']),
+    Situation('the network of the listener is gone', World([
+        SLAM._replace(end=-5.0), DRIVER._replace(end=-5.0), LASER], has_gids=True), [],
+        ['listener_busy'], [ROBOT],
+        ['warning listener_busy: odom, base_link',
+         'nothing has arrived from any of 2 nodes in the last 5 s.']),
     Situation('a frame was sent once on /tf', World([DRIVER._replace(rate=0)]),
               [Lookup('odom', 'base_link', ['one_shot'], ('Only one has arrived, ',),
                       at=0.0)], after=[AGAIN, {'senders': [DRIVER._replace(
@@ -717,6 +722,12 @@ WELL = [
     ('recording is paused', [
         DRIVER._replace(is_lost=lambda i: 200 < i < 320),
         SLAM._replace(is_lost=lambda i: 100 < i < 160)], {}),
+    ('a busy computer', [
+        DRIVER._replace(is_lost=lambda i: 200 < i < 218 or 230 < i < 240), LASER],
+        {'late': [(NOW + (i - 400) * S // 20, S // 50) for i in range(190, 250)]}),
+    ('a network that was away for 4 s', [
+        DRIVER._replace(takes=lambda i: (280 - i) / 20 if 200 < i < 280 else 0.0),
+        SLAM._replace(takes=lambda i: (140 - i) / 10 if 100 < i < 140 else 0.0)], {}),
     ('two nodes send an equal static transform', [
         DRIVER, LASER, LASER._replace(node='/camera')], {}),
     ('an image that takes 0.3 s', [DRIVER, LASER], {'sensors': [Sensor(takes=0.3)]}),

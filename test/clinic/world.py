@@ -146,6 +146,7 @@ class World(NamedTuple):
     other_user: str = ''  #: with processes in this domain
     clock_rate: float = 20.0  #: of /clock (Hz)
     cache_time: int = 10 * S
+    late: Sequence[tuple[int, int]] = ()  #: when the program ran late, and by how much (ns)
 
     def messages(self) -> list[Message]:
         """Return what arrives at a listener, in order."""
@@ -211,7 +212,7 @@ class World(NamedTuple):
             end=self.time(NOW), ahead={
                 gid: 0 for gid, each in zip(nodes, self.senders) if 0.1 < each.offset <= 1.0},
             not_known={} if self.clock != 0.0 else {'arrivals': 'nothing is on /clock'},
-            tf_topics=[each.topic for each in others])
+            tf_topics=[each.topic for each in others], late=self.late)
 
     def surroundings(self, has_data: bool) -> Surroundings:
         present = [(str(i), each) for i, each in enumerate(self.senders) if not each.has_ended]

@@ -231,6 +231,23 @@ CASES = {
 }
 
 
+def test_holes_after_a_step_back(capsys, tmp_path):
+    """They are found by stamps, also where frames have several; `late` is no fault of its own."""
+    def stamp(i):  # they go back to 25 s after 75 s, and from 55 s to 75 s after 105 s
+        return at(i) - (50 * S if 3750 <= i < 5250 else 30 * S if i >= 5250 else 0)
+
+    content = [static('map odom'), *(
+        tf(i, *(['odom base_link'] * (not 300 < i < 1050) + ['base_link arm'] * (
+            not 2900 < i < 3400)), stamp=stamp(i), x=0.0) for i in range(0, 6000, 5))]
+    _, found = doctor(capsys, bags.make(tmp_path, 'mcap', content))
+    assert [(each['code'], each['frames'], each['evidence'].partition(';')[0])
+            for each in found['findings']] == [
+        ('gap', ['base_link'], 'no transform of base_link for 15 s after 1700000006.000000000'),
+        ('gap', ['arm'], 'no transform of arm for 10 s after 1700000058.000000000'),
+        ('time_goes_back', ['base_link', 'arm'],
+         '2 of 2152 transforms of base_link, arm with an earlier stamp than the one before')]
+
+
 def with_kinds(names):
     """Pair each name with a kind of bag."""
     return [*zip(names, cycle(reversed(KINDS)))]

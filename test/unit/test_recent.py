@@ -1,13 +1,20 @@
 """What is found in the transforms that arrive while a program listens."""
 
+from math import nan
+from types import SimpleNamespace
 from typing import cast, TYPE_CHECKING
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from messages import recorded, written
 import pytest
 
 from puretf._causes.facts import Heard
 from puretf._core.pose import Row
+from puretf_tools.doctor.checks import CHECKS, diagnose, INFO
+from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.recent import RecentFindings
+from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection.stamp_clock import StampClock
 
 if TYPE_CHECKING:
@@ -15,20 +22,26 @@ if TYPE_CHECKING:
 
 S = 10**9
 T = 1_700_000_000 * S
-STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+TICK = S // 20
+
+
+def pose(x=0.0, w=1.0):
+    return x, 0.0, 0.0, 0.0, 0.0, 0.0, w
 
 
 class Listener:
-    """What a listener knows of the publishers: their nodes have their names, with a slash."""
+    """What a listener knows of the publishers: a.1 and a.2 are of the node /a."""
 
     topics = '/tf_static', '/tf'
 
     def __init__(self):
-        """Nobody has left."""
+        """Nobody has left, and nothing is late."""
         self.time, self.gone, self.clock, self.ahead = T, set(), StampClock(), {}
+        self.late: list[tuple[int, int]] = []
+        self.pulse = SimpleNamespace(late=lambda: self.late)
+        self.seen: set[str] = set()
 
     def now(self):
-        """Return the time (ns)."""
         return self.time
 
     def clock_text(self):
@@ -36,17 +49,29 @@ class Listener:
         return ''
 
     def names_of(self, publishers):
-        """Return the names of the nodes."""
-        return {publisher: f'/{publisher}' for publisher in publishers}
+        self.seen |= {*publishers}
+        return {publisher: f'/{publisher.partition(".")[0]}' for publisher in publishers}
 
     def is_present(self, publisher):
-        """Return whether a publisher exists."""
         return publisher not in self.gone
 
     @property
     def present(self):
-        """The publishers that exist."""
-        return {'arm', 'base', 'other', 'static'} - self.gone
+        return self.seen - self.gone
+
+
+def message(publisher, time, parent, child, *, ahead=0, stamp=None, x=0.0, w=1.0,
+            is_static=False, nanosec=None):
+    """Return a message with one transform; its stamp is its time, if nothing else is said."""
+    stamp = time + ahead if stamp is None else stamp
+    return recorded(time, written(
+        [Row(stamp, parent, child, pose(x, w))],
+        stamps=None if nanosec is None else [(stamp // S, nanosec)]), is_static, publisher)
+
+
+def robot(time):
+    """Return what a healthy robot sends at a time."""
+    return [message('base', time, 'odom', 'base_link'), message('arm', time, 'base_link', 'arm')]
 
 
 class Listened:
@@ -54,99 +79,188 @@ class Listened:
 
     def __init__(self):
         """Begin at T, with a static transform."""
-        self.listener, self.others = Listener(), []
+        self.listener, self.heard, self.is_complete = Listener(), [], True
         self.recent = RecentFindings(cast('FrameListener', self.listener))
-        self.publishers = {'base': ('odom', 'base', 20), 'arm': ('base', 'arm', 20)}
-        self.waiting = [self.message('static', T, 'map', 'odom', is_static=True)]
+        self.waiting = [message('static', T, 'map', 'odom', is_static=True)]
 
-    def message(self, publisher, time, parent, child, is_static=False):
-        """Return a message with one transform."""
-        return recorded(time, written([Row(time, parent, child, STILL)]), is_static, publisher)
+    @property
+    def now(self):
+        """The time on the monotonic clock (s)."""
+        return (self.listener.time - T) / S + 1000.0
 
-    def after(self, seconds, is_complete=True):
-        """Let all publish for some seconds; return the codes and frames of what is found."""
-        steps = range(round(seconds * 20))
-        for step in steps:
-            time = self.listener.time + step * S // 20
-            self.waiting += [
-                self.message(name, time, parent, child)
-                for name, (parent, child, hertz) in self.publishers.items()
-                if not step % (20 // hertz)]
-        self.listener.time += round(seconds * S)
-        now = (self.listener.time - T) / S + 1000.0
-        if self.recent.is_due(now):
-            self.recent.update(self.waiting, is_complete, self.others, now)
-            self.waiting = []
-        return {(each.code, each.frames) for each in self.recent.findings}
+    def after(self, seconds, send=lambda time, i: robot(time)):
+        """
+        Let 20 times a second be sent what a function returns; return the findings by code.
+
+        They are examined every 3 s, from the 3rd one on.
+        """
+        for i in range(round(seconds * 20)):
+            self.waiting += send(self.listener.time, i)
+            self.listener.time += TICK
+            if self.now >= 1003.0 and self.recent.is_due(self.now):
+                self.recent.update(self.waiting, self.is_complete, lambda since: [
+                    each for time, each in self.heard if time > since], self.now)
+                self.waiting, self.is_complete = [], True
+        return {each.code: each for each in self.recent.findings}
 
 
 @pytest.fixture
 def listened():
-    """Publishers of a tree map, odom, base, arm."""
-    return Listened()
+    """A healthy robot: map, odom, base_link, arm."""
+    found = Listened()
+    assert not found.after(9)
+    return found
 
 
-def test_a_healthy_tree(listened):
+def test_a_healthy_robot(listened):
     """Nothing is found, also after minutes, though the static transform was sent once."""
-    for _ in range(40):
-        assert not listened.after(3.1)
+    assert not listened.after(120)
     assert listened.recent.verdict == 'healthy in the last 30 s'
 
 
-def test_a_frame_that_is_sent_seldom(listened):
-    """It still connects its tree: what was sent before the statistics began again counts."""
-    del listened.publishers['base']
-    for ago in 2, 1:
-        listened.waiting.append(listened.message('base', T - ago, 'odom', 'base'))
-    for _ in range(20):
-        assert not {code for code, _ in listened.after(3.1)} & {'several_trees', 'similar_name'}
+def test_the_first_two_seconds():
+    """The static transform, which connects the trees, may be on its way."""
+    found = Listened()
+    found.waiting = []
+    two_trees = beside('hall', 'lamp')
+    assert not found.after(3, two_trees)
+    assert 'several_trees' in found.after(3, two_trees)
 
 
-@pytest.mark.parametrize(('fault', 'expected'), [
-    (('base_lnk', 'laser', 20), ('similar_name', ('base_lnk', 'base'))),
-    (('odom', 'base', 20), ('two_publishers', ('base',)))])
-def test_a_fault_is_found_and_goes(listened, fault, expected):
-    """It stays for half a minute after it has gone."""
-    listened.publishers['base'] = 'odom', 'base', 20
-    if fault[0] == 'base_lnk':
-        listened.publishers.update(base=('odom', 'base_link', 20), arm=('base_link', 'arm', 20))
-        expected = 'similar_name', ('base_lnk', 'base_link')
-    listened.after(3.1)
-    listened.publishers['other'] = fault
-    assert expected in listened.after(3.1)
-    del listened.publishers['other']
+def changed(**fields):
+    """Return what is sent if the transforms of arm have other fields."""
+    return lambda time, _: [robot(time)[0], message('arm', time, 'base_link', 'arm', **fields)]
+
+
+def beside(*args, **fields):
+    """Return what is sent if another publisher, which stays, sends a transform, too."""
+    return lambda time, _: [*robot(time), message('other', time + 1, *args, **fields)]
+
+
+def once(other):
+    """Return what is sent if it is something else in the 30th step."""
+    return lambda time, i: other(time, i) if i == 30 else robot(time)
+
+
+def silent(first, last, *publishers):
+    """Return what is sent if some publishers are silent from one step to another one."""
+    return lambda time, i: [each for each in robot(time)
+                            if not (first <= i < last and each.publisher in publishers)]
+
+
+def elsewhere(listened):
+    """A wheel on another topic."""
+    listened.heard = [(1009.0 + i, Heard('/robot/tf', '1', ['/driver'], {'wheel': 'arm'}))
+                      for i in range(7)]
+
+
+def late(listened):
+    """The program runs late."""
+    listened.listener.late = [(T + 9 * S + i * TICK, S // 20) for i in range(40)]
+
+
+#: By code: what is sent for 6 s; other findings may follow from it.
+FAULTS = {
+    'two_publishers': beside('odom', 'base_link'),
+    'many_publishers': lambda time, i: [
+        *robot(time), message(f'other.{i // 10}', time, 'odom', 'tool')],
+    'changing_parent': lambda time, i: [
+        robot(time)[0], message('arm', time, ('odom', 'base_link')[i % 2], 'arm')],
+    'static_and_dynamic': beside('map', 'odom'),
+    'loop': beside('arm', 'odom'),
+    'not_a_number': changed(x=nan),
+    'unnormalized': changed(w=2.0),
+    'other_clock': beside('base_link', 'tool', ahead=100 * S),
+    'nanosec': changed(nanosec=2 * S),
+    'frozen_stamp': changed(stamp=T + 9 * S),
+    'zero_stamp': changed(stamp=0),
+    'half_namespace': elsewhere,
+    'gap': silent(20, 60, 'arm'),
+    'listener_busy': late,
+    'jump': once(changed(x=1.0)),
+    'one_shot': once(beside('base_link', 'tool')),
+    'late': beside('base_link', 'tool', ahead=-S),
+    'future': changed(ahead=3 * S // 10),
+    'time_goes_back': once(changed(ahead=-2 * S)),
+    'same_stamp': lambda time, i: [*robot(time), *changed(x=0.1 * (i % 7))(time, i)[1:]],
+    'leading_slash': beside('/odom', 'tool'),
+    'empty_name': beside('odom', ''),
+    'several_trees': beside('hall', 'lamp'),
+    'similar_name': beside('base_lnk', 'tool'),
+    'part_prefix': beside('robot1/arm', 'tool'),
+    'static_changes': lambda time, i: [*robot(time), *([message(
+        'static', time, 'map', 'odom', x=1.0, is_static=True)] if i == 30 else [])],
+}
+#: What the page does not look for: it knows no headers, listeners, descriptions and clocks; and
+#: that there are no transforms, or none on its topics, is said elsewhere.
+NOT_ON_PAGE = {
+    'no_transforms', 'other_namespace', 'no_clock', 'other_user', 'wrong_type',
+    'static_not_latched', 'silent_publisher', 'unknown_frame', 'joint_without_state',
+    'disconnected', 'volatile_listener', 'incompatible_qos', 'message_other_clock',
+    'message_too_old', 'message_never', 'message_early', 'message_zero_stamp',
+    'two_joint_publishers', 'two_clocks', 'clock_stands', 'use_sim_time_differs', 'missing_part',
+    'link_without_transform', 'slow_clock'}
+
+
+@pytest.mark.parametrize('code', CHECKS.keys() - NOT_ON_PAGE)
+def test_a_fault_is_found_and_goes(listened, code):
+    """It is there when it is sent, over some seconds after that, and gone half a minute later."""
+    send = FAULTS[code]
+    if code in ('half_namespace', 'listener_busy'):
+        send(listened)
+        send = silent(2, 22, 'arm') if code == 'listener_busy' else silent(0, 0)
+    begin = listened.now
+    finding = listened.after(6, send)[code]
+    assert (finding.over, begin < finding.since <= listened.now) == (0.0, True)
+    end = listened.now
+    finding = listened.after(12)[code]
+    assert begin < finding.since
+    assert finding.over == 0.0 if code == 'one_shot' else finding.since <= finding.over <= end + 3
+    assert listened.after(18) == {}
+
+
+def test_a_frame_that_is_sent_again(listened):
+    """While it is silent, its gap is not over."""
+    found = listened.after(9, silent(0, 999, 'arm'))
+    assert (found['gap'].frames, found['gap'].over) == (('arm',), 0.0)
+    since = found['gap'].since
+    assert listened.after(12)['gap'].since == since
+    assert listened.after(18) == {}
+
+
+def test_publishers_that_have_ended(listened):
+    """Static transforms count as long as their publisher exists."""
+    listened.after(3, once(beside('base_lnk', 'tool', is_static=True)))
+    assert listened.after(60)['similar_name'].over == 0.0
     listened.listener.gone.add('other')
-    for _ in range(30):
-        found = listened.after(3.1)
-    assert expected not in found
+    assert listened.after(3) == {}
 
 
-def test_a_gap_is_found_and_goes(listened):
-    """The edge is named; half a minute after the last look at it, it is forgotten."""
-    listened.after(6.2)
-    arm = listened.publishers.pop('arm')
-    listened.after(2.0)
-    listened.publishers['arm'] = arm
-    assert ('gap', ('arm',)) in listened.after(3.1)
-    for _ in range(30):
-        found = listened.after(3.1)
-    assert not found
+def test_a_busy_computer_is_named(listened):
+    """What explains the gap is the only finding."""
+    late(listened)
+    (finding,) = listened.after(6, silent(2, 22, 'arm')).values()
+    assert (finding.code, finding.severity, finding.frames) == ('listener_busy', INFO, ('arm',))
+    assert finding.evidence == ('no transform of arm for 1.05 s after 1700000009.050000000, while '
+                                'this program was up to 0.05 s late')
 
 
-def test_half_of_a_robot_in_a_namespace(listened):
-    """The frames on the other topic continue the tree."""
-    listened.others = [Heard('/robot/tf', '1', ['/driver'], {'wheel': 'base'})]
-    assert 'half_namespace' in {code for code, _ in listened.after(3.1)}
+def test_all_are_silent_at_once(listened):
+    """While they are, and after it, this is one finding."""
+    (finding,) = listened.after(6, silent(20, 120, 'arm', 'base')).values()
+    assert finding.evidence == 'nothing has arrived from any of 2 nodes in the last 5.05 s'
+    (finding,) = listened.after(6).values()
+    assert finding.evidence == (
+        'nothing has arrived on any topic for 5.05 s after 1700000009.950000000')
 
 
 def test_messages_that_were_lost(listened):
-    """They are no gap: the statistics begin again, with the static transforms."""
-    listened.publishers['pole'] = 'map', 'pole', 20
+    """They are no gap: all begins again, with the static transforms."""
     for _ in range(4):
-        listened.after(3.1)
-        listened.waiting = []  # lost
+        listened.after(3)
+        listened.waiting, listened.is_complete = [], False
         listened.listener.time += 5 * S
-        assert not listened.after(3.1, is_complete=False)  # such as several_trees
+        assert not listened.after(3)  # such as several_trees
 
 
 def test_the_rest_after_an_examination(listened, monkeypatch):
@@ -154,6 +268,55 @@ def test_the_rest_after_an_examination(listened, monkeypatch):
     from puretf_tools.doctor import recent
     spent = iter([0.0, 1.0])
     monkeypatch.setattr(recent, 'thread_time', lambda: next(spent))
-    listened.recent.update([], True, [], 1000.0)
-    assert not listened.recent.is_due(1018.9)
-    assert listened.recent.is_due(1019.1)
+    listened.recent.update([], True, lambda _: [], 1100.0)
+    assert not listened.recent.is_due(1118.9)
+    assert listened.recent.is_due(1119.1)
+
+
+#: Of each node, the frames in its messages; then what each of the nodes sends in 3 s: of which of
+#: its frames, and whether with a stamp of 2 s before.
+FRAMES = [['base_link', 'wheel'], ['arm', 'hand'], ['base_link', 'lamp']]
+PHASES = st.lists(st.lists(st.tuples(st.sets(st.integers(0, 1)), st.booleans()),
+                           min_size=3, max_size=3), min_size=1, max_size=16)
+
+
+@settings(max_examples=30)
+@given(PHASES)
+def test_any_messages(phases):
+    """The codes are those of an observation of the same time, and of each edge's newest before."""
+    found, sent = Listened(), []
+    sent += found.waiting
+    parents = {'base_link': 'odom', 'wheel': 'base_link', 'arm': 'base_link', 'hand': 'arm',
+               'lamp': 'map'}
+
+    def send(time, i):
+        number, step = divmod(i, 60)
+        new = [recorded(time + node, written([
+            Row(time - 2 * S * is_old, parents[name], name, pose())
+            for name in (FRAMES[node][index] for index in sorted(indices))]), False, str(node))
+            for node, (indices, is_old) in enumerate(phases[number]) if indices and not step % 4]
+        sent.extend(new)
+        return new
+
+    found.after(3 * len(phases), send)
+    last = found.listener.time
+    begin = last - 30 * S
+    inside = [each for each in sent if each.time >= begin]
+    newest = {}
+    for each in sent:
+        if each.time < begin:
+            for row in each.rows():
+                newest[each.publisher, row.child_frame_id] = recorded(
+                    each.time, written([row]), each.is_static, each.publisher)
+    kept = [each for (publisher, child), each in newest.items() if each.is_static or any(
+        other.publisher == publisher and child in {row.child_frame_id for row in other.rows()}
+        for other in inside)]
+    statistics = Statistics(S // 5)
+    statistics.add_messages([*kept, *inside])
+    fresh = diagnose(Observation(
+        statistics, '', nodes={each.publisher: f'/{each.publisher}' for each in sent},
+        present={each.publisher for each in sent}, end=last,
+        seconds=(last - T) / S - 3.0,
+        not_known=dict.fromkeys(('headers', 'listeners', 'qos'), '')))
+    assert {each.code for each in found.recent.findings} == {each.code for each in fresh} - {
+        'no_transforms'}
