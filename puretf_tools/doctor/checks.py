@@ -388,8 +388,10 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
     stepped = {track for track in observation.tracks if track.stream.clock_step}
     for tracks in observation.by_publisher(stepped.__contains__):
         stream = max(tracks, key=itemgetter('largest_step')).stream
-        _, delay = stream.clock_step or (0, 0)
-        yield _Fault(_step_text(tracks), tracks, time=stream.largest_step[1],
+        step, (_, delay) = stream.largest_step, stream.clock_step or (0, 0)
+        yield _Fault(f'the stamps of {listed(map(_child_of, tracks))} step forward by '
+                     f'{_known(step.length)} after {exact_time(step.begin)}, while transforms '
+                     'arrive as before', tracks, time=step.begin,
                      severity=WARNING if -FUTURE <= delay <= LATE else '')
     told |= stepped
     if observation.clock:
@@ -411,12 +413,6 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
 def _is_off(track: Track) -> bool:
     offset = 0 if track['foreign'] else track.stream.offset or 0
     return offset > CACHE_TIME or bool(known_offset(offset))
-
-
-def _step_text(tracks: Sequence[Track]) -> str:
-    length, before, _ = max(track.stream.largest_step for track in tracks)
-    return (f'the stamps of {listed(map(_child_of, tracks))} step forward by {_known(length)} '
-            f'after {exact_time(before)}, while transforms arrive as before')
 
 
 def _known(offset: float) -> str:
@@ -712,15 +708,15 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         holes = {track: track.stream.longest(gaps[track]) for track in tracks}
         while holes:  # each hole is named, with all frames that have it
             worst = max(holes, key=lambda track: holes[track].length)
-            stream, hole = worst.stream, holes[worst]
-            group = {track: each for track, each in holes.items()
-                     if each.begin < hole.end and hole.begin < each.end}
-            holes = {track: each for track, each in holes.items() if track not in group}
-            text = _hole_text(worst, hole) if stream.is_hole(hole.at) else _step_text([worst])
+            hole = holes[worst]
+            group = [track for track, each in holes.items()
+                     if each.begin < hole.end and hole.begin < each.end]
+            for track in group:
+                del holes[track]
             yield _Fault(
-                f'{text}; {len(gaps[worst])} of {stream.steps} steps from stamp to stamp are '
-                f'longer than {GAP} periods of {stream.period / SECOND:.2g} s', [*group],
-                time=hole.begin)
+                f'{_hole_text(worst, hole)}; {len(gaps[worst])} of {worst.stream.steps} steps '
+                f'from stamp to stamp are longer than {GAP} periods of '
+                f'{worst.stream.period / SECOND:.2g} s', group, time=hole.begin)
     ended = set() if _are_all_silent(observation) else _ended(observation)
     for tracks in observation.by_publisher(ended.__contains__):
         silence = observation.until - min(track['last_time'] for track in tracks)
@@ -765,19 +761,16 @@ def _listener_busy(observation: Observation) -> Iterator[_Fault]:
     paused = {track: track.stream.longest(gaps)
               for track, gaps, is_busy in observation.gaps if is_busy}
     late = [track for track in observation.tracks if observation.has_late(track, is_busy=True)]
-    lateness = in_words(max((length for _, length in observation.late), default=0))
-    if paused:
-        worst = max(paused, key=paused.__getitem__)
-        length, begin, at = paused[worst]
-        is_silence = any(first < worst.stream.arrivals[at + 1] and worst.stream.arrivals[at] < last
-                         for first, last in observation.silences)
-        yield _Fault(f'nothing has arrived on any topic for {in_words(length)} after '
-                     f'{exact_time(begin)}' if is_silence else
-                     f'{_hole_text(worst, paused[worst])}, while this program was up to '
-                     f'{lateness} late', [*paused, *late], time=begin)
-    elif late:
-        yield _Fault(f'{_off_text(late, "late", "greatest_delay")}, while this program was up to '
-                     f'{lateness} late, or nothing has arrived on any topic', late)
+    if paused or late:
+        worst = max(paused, key=paused.__getitem__, default=None)
+        silence = max((end - begin for begin, end in observation.silences), default=0)
+        lateness = max((length for _, length in observation.late), default=0)
+        text = _hole_text(worst, paused[worst]) if worst else _off_text(
+            late, 'late', 'greatest_delay')
+        yield _Fault(f'{text}: ' + (
+            f'nothing has arrived on any topic for {in_words(silence)}' if silence else
+            f'this program was up to {in_words(lateness)} late'), [*paused, *late],
+            time=paused[worst].begin if worst else 0)
     if _are_all_silent(observation):
         ended = _ended(observation)
         silence = observation.until - max(track['last_time'] for track in ended)
@@ -939,7 +932,8 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
                      f'from {exact_time(worst.step_back_at)}{consequence}',
                      [track for child in children for track in observation.by_child[child]],
                      severity='' if is_large else INFO, time=worst.step_back_at,
-                     scope=None if is_large else [''])
+                     # A network that mixes them up makes them late.
+                     scope=None if is_large and back <= SHARE * count else [''])
 
 
 @_check('same_stamp', 'Give each transform its own time.', 'repeated_data', severity=WARNING)

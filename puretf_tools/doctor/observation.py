@@ -15,7 +15,7 @@ from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import judge, MessageTimes
-from puretf_tools.doctor.stream import Edge, GAP, NEVER, SHARE, SHORTEST_GAP, Stream
+from puretf_tools.doctor.stream import Edge, GAP, NEVER, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.gaps import in_words
@@ -27,9 +27,9 @@ from puretf_tools.robot.observed import RobotsInBag
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 #: Before this time (s), static transforms may be missing.
 _SETTLED = 2.0
-#: A computer is busy if this program loses this part of a time of at most `_LONGEST_BUSY` (ns),
-#: with what is `_AROUND` it (ns).
-_BUSY, _LONGEST_BUSY, _AROUND = 0.1, 3 * SECOND, SECOND // 2
+#: The computer was busy in a gap of at most `_LONGEST_BUSY` (ns) if this program has lost this
+#: part of it and of what is `_AROUND` it (ns).
+_BUSY, _LONGEST_BUSY, _AROUND = 0.05, 3 * SECOND, SECOND // 2
 
 
 @dataclass
@@ -191,64 +191,50 @@ class Observation:
 
     @cached_property
     def silences(self) -> list[tuple[int, int]]:
-        """When nothing has arrived from several nodes, nor on any topic (ns)."""
+        """When nothing has arrived on any topic, of at least two nodes that send often (ns)."""
         streams = [(self.node_of(track) or f'{id(track.stream)}', track.stream)
                    for track in self.tracks]
         streams += [(node, topic.stream) for topic in self.message_times
                     for node in self.senders.get(topic.topic) or [topic.topic]]
         arrivals = np.sort(np.concatenate([
             stream.arrivals for stream in {stream for _, stream in streams}]))
-        found = []
-        for i in np.flatnonzero(np.diff(arrivals) > SECOND).tolist():
-            begin, end = arrivals[i:i + 2].tolist()
-            if len({node for node, stream in streams if len(stream.arrivals)
-                    and stream.arrivals[0] <= begin < end <= stream.arrivals[-1]
-                    and end - begin > GAP * stream.period}) > 1:
-                found.append((begin, end))
-        return found
-
-    def were_busy(self, begins: NDArray[np.int64], ends: NDArray[np.int64], slack: float
-                  ) -> NDArray[np.bool_]:
-        """
-        Return for some times (ns) whether this program ran late, or all nodes were silent.
-
-        :param slack: by how much the silence may be shorter (ns).
-        """
-        times, late = np.array([*self.late, (NEVER, 0)], np.int64).T
-        sums = np.append(0, np.cumsum(late))
-        lost = sums[times.searchsorted(ends + _AROUND)] - sums[
-            times.searchsorted(begins - _AROUND)]
-        found: NDArray[np.bool_] = (lost > _BUSY * (ends - begins + 2 * _AROUND)) & (
-            ends - begins < _LONGEST_BUSY)
-        for begin, end in self.silences if (ends - begins > SECOND).any() else ():
-            found |= (begin <= begins + slack) & (end >= ends - slack)
-        return found
+        at = np.flatnonzero(np.diff(arrivals) > SECOND)
+        pauses = arrivals[at].tolist(), arrivals[at + 1].tolist()
+        return [(begin, end) for begin, end in zip(*pauses) if len({
+            node for node, stream in streams if stream.steps and end - begin > GAP * stream.period
+            and stream.arrivals[0] < end <= stream.arrivals[-1]}) > 1]
 
     @cached_property
     def gaps(self) -> list[tuple[Track, NDArray[np.int64], bool]]:
         """
         The tracks with many or long gaps.
 
-        Each has the indices of its gaps, without those at which the listener was busy; if these
-        leave nothing to be reported, all of them and True.
+        Each has the indices of its gaps, without those at which this program ran late or all nodes
+        were silent; if these leave nothing to be reported, all of them and True.
         """
-        found = []
+        found, (times, late) = [], np.array([*self.late, (NEVER, 0)], np.int64).T
+        sums = np.append(0, np.cumsum(late))
         for track in self.tracks:
             stream, gaps = track.stream, track.stream.gaps
-            if stream.has_gaps(gaps):
-                own = gaps[~self.were_busy(stream.arrivals[gaps], stream.arrivals[gaps + 1],
-                                           max(SHORTEST_GAP, stream.period))]
-                is_busy = not stream.has_gaps(own)
-                found.append((track, gaps if is_busy else own, is_busy))
+            if not stream.has_gaps(gaps):
+                continue
+            begins, ends = stream.arrivals[gaps], stream.arrivals[gaps + 1]
+            around = times.searchsorted([begins - _AROUND, ends + _AROUND])
+            lost, lengths = np.diff(sums[around], axis=0)[0], ends - begins
+            is_own = (lost <= _BUSY * (lengths + 2 * _AROUND)) | (lengths > _LONGEST_BUSY)
+            slack = max(SHORTEST_GAP, stream.period)
+            for begin, end in self.silences if (lengths > SECOND).any() else ():
+                is_own &= (begin > begins + slack) | (end < ends - slack)
+            is_busy = not stream.has_gaps(gaps[is_own])
+            found.append((track, gaps if is_busy else gaps[is_own], is_busy))
         return found
 
     def has_late(self, track: Track, is_busy: bool = False) -> bool:
-        """Return whether many transforms are late, since the listener was busy, or else."""
+        """Return whether many transforms are late; `is_busy`: since the listener was busy."""
         stream = track.stream
-        if not stream.has_many('late'):
-            return False
-        number = stream.late - int(self.were_busy(*stream.late_spans(), SHORTEST_GAP).sum())
-        return is_busy != (number - stream.stalled > SHARE * stream.delays)
+        return stream.has_many('late') and is_busy != stream.has_many('late', (
+            sum(late for _, late in self.late)
+            + sum(end - begin for begin, end in self.silences)) / max(1, stream.period))
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:

@@ -155,9 +155,9 @@ class Stream:
         """Return the (n,) times from the stamps to the arrivals (ns); None: not known."""
         return None if self._times is None else self._times - self.stamps
 
-    def has_many(self, field: str) -> bool:
-        """Return whether many messages, whose stamps do not stand, are 'late', and so on."""
-        return bool(getattr(self, field) - self.stalled > SHARE * self.delays)
+    def has_many(self, field: str, excused: float = 0.0) -> bool:
+        """Return whether more messages, whose stamps do not stand, are 'late', and so on."""
+        return bool(getattr(self, field) - self.stalled - excused > SHARE * self.delays)
 
     @property
     def is_in_time(self) -> bool:
@@ -186,14 +186,7 @@ class Stream:
             return False
         step = self.longest(gaps)
         return len(gaps) >= max(_FEWEST_GAPS, _JITTER * self.steps) or bool(
-            step.length > SHORTEST_GAP and not self.clock_step and (
-                not self.stall or self.is_hole(step.at)))
-
-    def late_spans(self) -> tuple[_Array, _Array]:
-        """Return when those that are late were sent, and when they arrived (ns)."""
-        delays = np.asarray(self._delays())
-        is_late = (delays > LATE) & (delays <= OTHER_CLOCK)
-        return self.arrivals[is_late] - delays[is_late], self.arrivals[is_late]
+            step.length > SHORTEST_GAP and (not self.stall or self.is_hole(step.at)))
 
     @cached_property
     def clock_step(self) -> Optional[tuple[float, float]]:
