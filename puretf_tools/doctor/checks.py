@@ -827,7 +827,8 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
     for track in observation.tracks:
         if track.stream.steps >= FEWEST and not track.stream.alternates and (
                 track['jump'] >= SMALLEST_JUMP
-                and track['largest_speed'] > JUMP * track['usual_speed']):
+                and track['largest_speed'] > JUMP * track['usual_speed']
+                and track['jump_at'] not in track.stream.stamps[track.stream.gaps + 1]):
             yield _Fault(
                 f'{track["jumps"]} of {track["count"]} transforms of {shortened(track.child)} '
                 f'jump, as by {track["jump"]:.3g} (m plus rad) at {exact_time(track["jump_at"])}; '

@@ -1,5 +1,7 @@
 """Listeners where a private part of rclpy is not as expected: they have a node of their own."""
 
+from math import inf
+
 from endings import end_in_every_order, without_library_lines
 from environment import DESKTOP
 from geometry_msgs.msg import PointStamped
@@ -141,13 +143,15 @@ def test_other_readers(ros):
     reader.close()
     broadcaster = StaticTransformBroadcaster(ros.node)
     broadcaster.sendTransform(stamped('map', 'base'))
-    sampler = TransformSampler(ros.node, [])
+    sampler, dynamic = TransformSampler(ros.node, []), TransformBroadcaster(ros.node)
 
-    def heard():
+    def heard(since=0.0):
+        dynamic.sendTransform(stamped('base', 'tool'))
         sampler.poll()
-        return [each.parents for each in sampler.heard()]
+        return sorted(child for each in sampler.heard(since) for child in each.parents)
 
-    eventually(lambda: heard() == [{'base': 'map'}])
+    eventually(lambda: heard() == ['base', 'tool'])
+    assert heard(since=inf) == ['base']  # it is latched
     sampler.close()
     assert own_nodes(ros.node) == []
 

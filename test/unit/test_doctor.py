@@ -158,6 +158,8 @@ HEALTHY = {
     'a frame that begins late': [*robot(), tf(100, 'base_link camera')],
     'a robot that stands and starts': [
         *(tf(i, 'odom base_link', x=0.0 if i < 60 else (i - 60) * 0.5) for i in range(100))],
+    'a move within a short gap': [
+        tf(i, 'odom base_link', x=0.3 * (i > 60)) for i in range(120) if not 60 < i < 75],
     'a camera that is turned in steps': [
         *(tf(i, 'odom base_link', 'base_link camera', x=i // 10 * 0.1) for i in range(100))],
     'a pause, and then another place': [
