@@ -268,7 +268,7 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
                        if TF_MESSAGE in types and node.count_publishers(topic)],
             not_known=_not_known(listener, counter), left_out=left_out, end=counter.end,
             ahead=listener.ahead, clock_text=listener.clock_text(),
-            clock_stands=clock.stands(), around=around, seconds=elapsed, late=pulse.late())
+            clock_stands=clock.stands(), around=around, seconds=elapsed, late=pulse.late(elapsed))
 
 
 def _not_known(listener: 'FrameListener', counter: _Counter) -> dict[str, str]:

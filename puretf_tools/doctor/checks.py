@@ -717,7 +717,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                 f'{_hole_text(worst, hole)}; {len(gaps[worst])} of {worst.stream.steps} steps '
                 f'from stamp to stamp are longer than {GAP} periods of '
                 f'{worst.stream.period / SECOND:.2g} s', group, time=hole.begin)
-    ended = set() if _are_all_silent(observation) else _ended(observation)
+    ended = _ended(observation)
     for tracks in observation.by_publisher(ended.__contains__):
         silence = observation.until - min(track['last_time'] for track in tracks)
         node, name = _ended_node(observation, tracks[0]), observation.node_of(tracks[0])
@@ -745,17 +745,8 @@ def _ended(observation: Observation) -> set[Track]:
                     GAP * track.stream.period, SHORTEST_GAP))}
 
 
-def _are_all_silent(observation: Observation) -> bool:
-    """Return whether several nodes, which still exist, have fallen silent at the same time."""
-    ended, times = _ended(observation), [
-        track['last_time'] for track in observation.tracks if track.stream.steps >= FEWEST]
-    return len({*map(observation.node_of, ended)}) > 1 and np.ptp(times) < SECOND and (
-        len(times) == len(ended)) and {track.publisher for track in ended} <= {
-            *(observation.present or ())}
-
-
 @_check('listener_busy', 'If nobody has paused it, look at the load and at the network of the '
-        'computer that listens.', 'future', severity=INFO)
+        'computer that listens.', 'future', severity=INFO, explains=('gap',))
 def _listener_busy(observation: Observation) -> Iterator[_Fault]:
     """Find that this program ran late, or that all nodes were silent at the same time."""
     paused = {track: track.stream.longest(gaps)
@@ -770,13 +761,14 @@ def _listener_busy(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(f'{text}: ' + (
             f'nothing has arrived on any topic for {in_words(silence)}' if silence else
             f'this program was up to {in_words(lateness)} late'), [*paused, *late],
-            time=paused[worst].begin if worst else 0)
-    if _are_all_silent(observation):
-        ended = _ended(observation)
-        silence = observation.until - max(track['last_time'] for track in ended)
-        yield _Fault(f'nothing has arrived from any of {len({*map(observation.node_of, ended)})} '
-                     f'nodes in the last {in_words(silence)}',
-                     [*filter(ended.__contains__, observation.tracks)], severity=WARNING)
+            time=paused[worst].begin if worst else 0, scope=[''])
+    ended, often = _ended(observation), [
+        track for track in observation.tracks if track.stream.steps >= FEWEST]
+    times, nodes = [track['last_time'] for track in often], {*map(observation.node_of, ended)}
+    if {*often} == ended and len(nodes) > 1 and np.ptp(times) < SECOND and {
+            track.publisher for track in often} <= {*(observation.present or ())}:
+        yield _Fault(f'nothing has arrived from any of {len(nodes)} nodes in the last '
+                     f'{in_words(observation.until - max(times))}', often, severity=WARNING)
 
 
 def _ended_node(observation: Observation, track: Track) -> str:

@@ -32,11 +32,11 @@ class RecentFindings:
     """The findings in what has arrived in the last half minute."""
 
     def __init__(self, listener: 'FrameListener') -> None:
-        self._listener = listener
+        self._listener, self._pulse = listener, listener.pulse
         self._was_simulated = listener.clock.is_simulated
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
         #: When transforms were received (s), and these; the newest one of each edge before.
-        self._tables: list[tuple[float, list[TransformTable]]] = []
+        self._tables: list[tuple[float, TransformTable]] = []
         self._before: _Newest = {}
         self.findings: Sequence[Finding] = ()  #: those that are over come last
         self.verdict = ''
@@ -57,11 +57,12 @@ class RecentFindings:
             self._was_simulated, self.findings = simulated, ()
         if not is_complete:
             self._before, self._tables = self._parts(inf)
-        self._tables.append((now, [*transform_tables(messages)]))
+        self._tables += ((now, table) for table in transform_tables(messages))
         count, oldest = 0, now - _LENGTH + _PERIOD
-        for time, tables in reversed(self._tables[:-1]):
-            count += sum(table.stamps.size + _TABLE for table in tables)
-            oldest = max(oldest, time) if count > _MOST else oldest
+        for time, table in reversed(self._tables):
+            count += table.stamps.size + _TABLE
+            if count > _MOST and time < now:
+                oldest = max(oldest, time)
         self._before, self._tables = self._parts(oldest)
         self._examine(others, now)
         self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
@@ -70,13 +71,12 @@ class RecentFindings:
         """Return whether `update` is to be called, so that it takes 5 % of the time at most."""
         return now >= self._next
 
-    def _parts(self, time: float) -> tuple[_Newest, list[tuple[float, list[TransformTable]]]]:
+    def _parts(self, time: float) -> tuple[_Newest, list[tuple[float, TransformTable]]]:
         """Return the newest of each edge before a time (s), and what was received after it."""
         newest, after = {**self._before}, [each for each in self._tables if each[0] > time]
-        for _, tables in self._tables[:len(self._tables) - len(after)]:
-            for table in tables:
-                newest.update((key, (table, i)) for i, key in enumerate(_keys(table)))
-        goes_on = {key for _, tables in after for table in tables for key in _keys(table)}
+        for _, table in self._tables[:len(self._tables) - len(after)]:
+            newest.update((key, (table, i)) for i, key in enumerate(_keys(table)))
+        goes_on = {key for _, table in after for key in _keys(table)}
         return {key: each for key, each in newest.items() if (key[1] or key in goes_on)
                 and self._listener.is_present(key[0]) is not False}, after
 
@@ -93,9 +93,8 @@ class RecentFindings:
                 edges=[table.edges[i] for i in numbers], times=table.times[-1:],
                 stamps=table.stamps[-1:, numbers], poses=table.poses[-1:, numbers],
                 nanosec=table.nanosec * table.is_static))
-        for _, tables in after:
-            for table in tables:
-                statistics.add(table)
+        for _, table in after:
+            statistics.add(table)
         (static, dynamic), end, not_known = listener.topics, listener.now(), dict(_NOT_KNOWN)
         if not end:
             not_known['arrivals'] = 'no message has arrived on /clock'
@@ -103,14 +102,13 @@ class RecentFindings:
             statistics, '', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
             other_transforms=others(time), end=end, ahead=listener.ahead,
-            not_known=not_known, seconds=now - self._begin, late=listener.pulse.late())
+            not_known=not_known, seconds=now - self._begin, late=self._pulse.late(_LENGTH))
 
     def _examine(self, others: Callable[[float], Sequence[Heard]], now: float) -> None:
         observed = self._observed(others, now, now - _LENGTH)
         found = [each for each in diagnose(observed) if each.code != 'no_transforms']
-        last = max((time for time, _ in self._tables if time <= now - _LAST), default=-inf)
-        if found and last > -inf:
-            observed = self._observed(others, now, last)
+        if found and now >= self._begin + _LAST:
+            observed = self._observed(others, now, now - _LAST)
         still, findings = diagnose(observed) if found else [], []
         regular = {each.child for each in observed.tracks if each.stream.steps >= FEWEST}
         for each in found:
@@ -119,7 +117,7 @@ class RecentFindings:
                 each.code not in _OF_STEPS or {*each.frames} <= regular)
             since, over = (before.since, before.over) if before else (now, 0.0)
             findings.append(each._replace(
-                since=since, over=(over or max(since, last)) if is_over else 0.0))
+                since=since, over=(over or max(since, now - _LAST)) if is_over else 0.0))
         self.findings = sorted(findings, key=lambda each: (
             each.over > 0.0, SEVERITIES.index(each.severity), each.code, each.frames))
         count, clock = len(findings), self._listener.clock_text()

@@ -198,8 +198,8 @@ class Statistics(Counts):
                 self._arrivals[key] = array('q'), array('q')
                 for number in key:
                     self._keys.setdefault(number, []).append(key)
-            times, kept = self._arrivals[key]
-            self._arrivals[key] = _appended(times, table.times), _appended(kept, column)
+            for kept, new in zip(self._arrivals[key], (table.times, column)):
+                kept.frombytes(new.tobytes())
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
         names = parent.removeprefix('/'), child.removeprefix('/')
@@ -218,15 +218,6 @@ class Statistics(Counts):
             track.parents[names[0]] = None
             track.slashed.update(name for name in (parent, child) if name.startswith('/'))
         return number
-
-
-def _appended(values: 'array[int]', new: NDArray[np.int64]) -> 'array[int]':
-    """Append to an array, or to a copy: an array at which a `Stream` looks cannot grow."""
-    try:
-        values.frombytes(new.tobytes())
-    except BufferError:
-        return array('q', values.tobytes() + new.tobytes())
-    return values
 
 
 # Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.

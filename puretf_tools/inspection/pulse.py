@@ -28,9 +28,10 @@ class Pulse(Thread):
                 self._late.append((time_ns(), late))
             last = now
 
-    def late(self) -> list[tuple[int, int]]:
-        """Return when it was late (ns, on the system clock), and by how much (ns)."""
-        return [*self._late]
+    def late(self, seconds: float) -> list[tuple[int, int]]:
+        """Return when it was late within some time (ns, system clock), and by how much (ns)."""
+        begin = time_ns() - seconds * SECOND
+        return [each for each in tuple(self._late) if each[0] > begin]
 
     def end(self) -> None:
         self._end.set()

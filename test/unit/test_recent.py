@@ -38,7 +38,7 @@ class Listener:
         """Nobody has left, and nothing is late."""
         self.time, self.gone, self.clock, self.ahead = T, set(), StampClock(), {}
         self.late: list[tuple[int, int]] = []
-        self.pulse = SimpleNamespace(late=lambda: self.late)
+        self.pulse = SimpleNamespace(late=lambda seconds: self.late)
         self.seen: set[str] = set()
 
     def now(self):
