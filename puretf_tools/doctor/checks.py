@@ -42,6 +42,8 @@ _SLOW_CLOCK = 0.11 * SECOND
 #: A frame is handed over if its parent or its publisher changes at most so often, or its parent
 #: for at most this part of its transforms.
 _FEW_SWITCHES, _SWITCHES = 2, 0.02
+#: Before this time (s), static transforms may be on their way.
+_SETTLED = 2.0
 #: No timeout that is longer than this (s) is proposed.
 _LONGEST_TIMEOUT = 10.0
 #: The codes of what is judged of stamps, and of the times of other messages.
@@ -1001,10 +1003,10 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',
-        'two_trees', severity=INFO, needs=('settled',))
+        'two_trees', severity=INFO)
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     """Find several trees; lookups from one to another fail."""
-    if len(observation.trees) > 1:
+    if len(observation.trees) > 1 and observation.seconds >= _SETTLED:
         roots = [next((name for name in tree if name not in observation.parents), tree[0])
                  for tree in observation.trees]
         yield _Fault(f'{len(roots)} trees, with the roots {listed(roots)}', frames=roots,

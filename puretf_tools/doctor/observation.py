@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import inf
 from operator import itemgetter
 from typing import Optional, Union
 
@@ -25,8 +26,6 @@ from puretf_tools.robot.observed import RobotsInBag
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
-#: Before this time (s), static transforms may be missing.
-_SETTLED = 2.0
 #: The computer was busy in a gap of at most `_LONGEST_BUSY` (ns) if this program has lost this
 #: part of it and of what is `_AROUND` it (ns).
 _BUSY, _LONGEST_BUSY, _AROUND = 0.05, 3 * SECOND, SECOND // 2
@@ -79,13 +78,11 @@ class Observation:
     #: The track with the most transforms, if a bag was recorded with another clock than that of
     #: most stamps.
     clock: Optional[Track] = None
-    seconds: float = _SETTLED  #: how long it took, if this is known
+    seconds: float = inf  #: how long a live observation took
     #: When this program ran late (ns, on the system clock), and by how much (ns), in order.
     late: Sequence[tuple[int, int]] = ()
 
     def __post_init__(self) -> None:
-        if self.seconds < _SETTLED:
-            self.not_known['settled'] = f'it took less than {_SETTLED:g} s'
         self.tracks = self.statistics.tracks()
         #: By child: the tracks, the one whose last transform arrived last, and its newest parent.
         self.by_child: dict[str, list[Track]] = {}

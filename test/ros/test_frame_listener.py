@@ -1,10 +1,13 @@
 """The listener of the commands: what it says if nothing arrives on /tf."""
 
+from itertools import chain, count
+
 from geometry_msgs.msg import TransformStamped
 from ros_node import stamped
 
 from puretf import StaticTransformBroadcaster, TransformBroadcaster
 from puretf_tools.inspection.frame_listener import FrameListener
+from puretf_tools.inspection.pulse import Pulse
 
 
 def test_the_remedies(ros, make_node, monkeypatch):
@@ -68,3 +71,15 @@ def test_another_type_beside_transforms(ros, stranger):
     ros.until(listener.wrong_type_hint)
     assert 'on /tf, not tf2_msgs/msg/TFMessage.' in listener.why_no_transform('map', 'camera')
     assert not listener.why_no_transform('map', 'robot')
+
+
+def test_how_late_the_program_runs(ros, make_node, monkeypatch):
+    """A wake-up that comes 0.3 s late is noted, until the listener ends."""
+    ms = 10**6
+    times = chain([0, 50 * ms, 400 * ms], count(450 * ms, 50 * ms))
+    monkeypatch.setattr('puretf_tools.inspection.pulse.monotonic_ns', lambda: next(times))
+    listener = FrameListener(make_node('listener'))
+    pulse: Pulse = listener.pulse
+    ros.until(lambda: [late for _, late in pulse.late(60.0)] == [300 * ms])
+    listener.unregister()
+    ros.until(lambda: not pulse.is_alive())
