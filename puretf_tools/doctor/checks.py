@@ -741,10 +741,14 @@ def _hole_text(track: Track, step: Step) -> str:
 
 def _ended(observation: Observation) -> set[Track]:
     """Return the newest tracks of frames that were sent often, and are not any more."""
-    return {track for track in observation.newest.values()
-            if track.stream.steps >= FEWEST and track['last_time'] and (
-                observation.until - track['last_time'] > max(
-                    GAP * track.stream.period, SHORTEST_GAP))}
+    found = set()
+    for track in observation.newest.values():
+        stream, silence = track.stream, observation.until - track['last_time']
+        if stream.steps >= FEWEST and track['last_time'] and silence > max(
+                GAP * stream.period, SHORTEST_GAP) and not observation.ran_late(
+                    stream.arrivals[-1:], stream.arrivals[-1:] + silence).any():
+            found.add(track)
+    return found
 
 
 @_check('listener_busy', 'If nobody has paused it, look at the load and at the network of the '

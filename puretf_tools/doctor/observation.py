@@ -209,22 +209,27 @@ class Observation:
         Each has the indices of its gaps, without those at which this program ran late or all nodes
         were silent; if these leave nothing to be reported, all of them and True.
         """
-        found, (times, late) = [], np.array([*self.late, (NEVER, 0)], np.int64).T
-        sums = np.append(0, np.cumsum(late))
+        found = []
         for track in self.tracks:
             stream, gaps = track.stream, track.stream.gaps
             if not stream.has_gaps(gaps):
                 continue
             begins, ends = stream.arrivals[gaps], stream.arrivals[gaps + 1]
-            around = times.searchsorted([begins - _AROUND, ends + _AROUND])
-            lost, lengths = np.diff(sums[around], axis=0)[0], ends - begins
-            is_own = (lost <= _BUSY * (lengths + 2 * _AROUND)) | (lengths > _LONGEST_BUSY)
+            is_own = ~self.ran_late(begins, ends)
             slack = max(SHORTEST_GAP, stream.period)
-            for begin, end in self.silences if (lengths > SECOND).any() else ():
+            for begin, end in self.silences if (ends - begins > SECOND).any() else ():
                 is_own &= (begin > begins + slack) | (end < ends - slack)
             is_busy = not stream.has_gaps(gaps[is_own])
             found.append((track, gaps if is_busy else gaps[is_own], is_busy))
         return found
+
+    def ran_late(self, begins: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return for some times (ns, on the system clock) whether this program was late then."""
+        times, late = np.array([*self.late, (NEVER, 0)], np.int64).T
+        sums, around = np.append(0, np.cumsum(late)), np.array([begins - _AROUND, ends + _AROUND])
+        lost = np.diff(sums[times.searchsorted(around)], axis=0)[0]
+        return np.asarray((lost > _BUSY * np.diff(around, axis=0)[0]) & (
+            ends - begins < _LONGEST_BUSY))
 
     def has_late(self, track: Track, is_busy: bool = False) -> bool:
         """Return whether many transforms are late; `is_busy`: since the listener was busy."""

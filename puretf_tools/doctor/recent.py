@@ -35,6 +35,7 @@ class RecentFindings:
         self._listener, self._pulse = listener, listener.pulse
         self._was_simulated = listener.clock.is_simulated
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
+        self._end = 0  # of what was received, on the clock of the stamps (ns)
         #: When transforms were received (s), and these; the newest one of each edge before.
         self._tables: list[tuple[float, TransformTable]] = []
         self._before: _Newest = {}
@@ -51,7 +52,7 @@ class RecentFindings:
         :param others: returns what was heard on other topics since a time (s).
         :param now: on the monotonic clock (s).
         """
-        begin = thread_time()
+        begin, self._end = thread_time(), self._listener.now()
         self._begin = min(self._begin, now)
         if self._was_simulated != (simulated := self._listener.clock.is_simulated):
             self._was_simulated, self.findings = simulated, ()
@@ -95,14 +96,14 @@ class RecentFindings:
                 nanosec=table.nanosec * table.is_static))
         for _, table in after:
             statistics.add(table)
-        (static, dynamic), end, not_known = listener.topics, listener.now(), dict(_NOT_KNOWN)
-        if not end:
-            not_known['arrivals'] = 'no message has arrived on /clock'
+        static, dynamic = listener.topics
+        not_known = {} if self._end else {'arrivals': 'no message has arrived on /clock'}
         return Observation(
             statistics, '', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()), present=listener.present,
-            other_transforms=others(time), end=end, ahead=listener.ahead,
-            not_known=not_known, seconds=now - self._begin, late=self._pulse.late(_LENGTH))
+            other_transforms=others(time), end=self._end, ahead=listener.ahead,
+            not_known=_NOT_KNOWN | not_known, seconds=now - self._begin,
+            late=self._pulse.late(_LENGTH))
 
     def _examine(self, others: Callable[[float], Sequence[Heard]], now: float) -> None:
         observed = self._observed(others, now, now - _LENGTH)
