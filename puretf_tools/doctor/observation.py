@@ -28,7 +28,7 @@ from puretf_tools.robot.observed import RobotsInBag
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
 #: The computer was busy in a gap of at most `_LONGEST_BUSY` (ns) if this program has lost this
 #: part of it and of what is `_AROUND` it (ns).
-_BUSY, _LONGEST_BUSY, _AROUND = 0.05, 3 * SECOND, SECOND // 2
+_BUSY, _LONGEST_BUSY, _AROUND = 0.05, 3 * SECOND, 2 * SECOND
 
 
 @dataclass
