@@ -745,7 +745,7 @@ def _ended(observation: Observation) -> set[Track]:
     for track in observation.newest.values():
         stream, silence = track.stream, observation.until - track['last_time']
         if stream.steps >= FEWEST and track['last_time'] and silence > max(
-                GAP * stream.period, SHORTEST_GAP) and not observation.ran_late(
+                GAP * stream.period, SHORTEST_GAP) and not observation.were_busy(
                     stream.arrivals[-1:], stream.arrivals[-1:] + silence).any():
             found.add(track)
     return found

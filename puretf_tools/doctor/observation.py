@@ -214,29 +214,33 @@ class Observation:
             stream, gaps = track.stream, track.stream.gaps
             if not stream.has_gaps(gaps):
                 continue
-            begins, ends = stream.arrivals[gaps], stream.arrivals[gaps + 1]
-            is_own = ~self.ran_late(begins, ends)
-            slack = max(SHORTEST_GAP, stream.period)
-            for begin, end in self.silences if (ends - begins > SECOND).any() else ():
-                is_own &= (begin > begins + slack) | (end < ends - slack)
+            is_own = ~self.were_busy(stream.arrivals[gaps], stream.arrivals[gaps + 1],
+                                     max(SHORTEST_GAP, stream.period))
             is_busy = not stream.has_gaps(gaps[is_own])
             found.append((track, gaps if is_busy else gaps[is_own], is_busy))
         return found
 
-    def ran_late(self, begins: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return for some times (ns, on the system clock) whether this program was late then."""
+    def were_busy(self, begins: NDArray[np.int64], ends: NDArray[np.int64],
+                  slack: float = SHORTEST_GAP) -> NDArray[np.bool_]:
+        """
+        Return for some times (ns) whether this program ran late then, or all nodes were silent.
+
+        :param slack: by how much the silence may begin later, or end earlier (ns).
+        """
         times, late = np.array([*self.late, (NEVER, 0)], np.int64).T
         sums, around = np.append(0, np.cumsum(late)), np.array([begins - _AROUND, ends + _AROUND])
         lost = np.diff(sums[times.searchsorted(around)], axis=0)[0]
-        return np.asarray((lost > _BUSY * np.diff(around, axis=0)[0]) & (
+        found = np.asarray((lost > _BUSY * np.diff(around, axis=0)[0]) & (
             ends - begins < _LONGEST_BUSY))
+        for begin, end in self.silences if (ends - begins > SECOND).any() else ():
+            found |= (begin <= begins + slack) & (end >= ends - slack)
+        return found
 
     def has_late(self, track: Track, is_busy: bool = False) -> bool:
         """Return whether many transforms are late; `is_busy`: since the listener was busy."""
         stream = track.stream
-        return stream.has_many('late') and is_busy != stream.has_many('late', (
-            sum(late for _, late in self.late)
-            + sum(end - begin for begin, end in self.silences)) / max(1, stream.period))
+        return stream.has_many('late') and is_busy != stream.has_many(
+            'late', self.were_busy(*stream.late_spans()).sum())
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:

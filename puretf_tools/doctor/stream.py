@@ -159,6 +159,13 @@ class Stream:
         """Return whether more messages, whose stamps do not stand, are 'late', and so on."""
         return bool(getattr(self, field) - self.stalled - excused > SHARE * self.delays)
 
+    def late_spans(self) -> tuple[_Array, _Array]:
+        """Return when those that are late were sent, and when they have arrived (ns)."""
+        delays = np.asarray(self._delays())
+        arrivals, late = (each[(delays > LATE) & (delays <= OTHER_CLOCK)] for each in (
+            self.arrivals, delays))
+        return arrivals - late, arrivals
+
     @property
     def is_in_time(self) -> bool:
         return -FUTURE <= self.mean_delay <= LATE and not any(
