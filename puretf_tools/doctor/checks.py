@@ -712,7 +712,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
             worst = max(holes, key=lambda track: holes[track].length)
             hole = holes[worst]
             group = [track for track, each in holes.items()
-                     if each.begin < hole.end and hole.begin < each.end]
+                     if -each.length < each.begin - hole.begin < hole.length]
             for track in group:
                 del holes[track]
             yield _Fault(

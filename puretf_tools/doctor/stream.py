@@ -51,10 +51,6 @@ class Step(NamedTuple):
     begin: int = 0  #: the stamp before it (ns)
     at: int = 0  #: the index of that
 
-    @property
-    def end(self) -> int:
-        return self.begin + self.length
-
 
 class Edge:
     """Transforms as a listener receives them."""
