@@ -33,7 +33,6 @@ class RecentFindings:
 
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener, self._pulse = listener, listener.pulse
-        self._was_simulated = listener.clock.is_simulated
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
         self._end = 0  # of what was received, on the clock of the stamps (ns)
         #: When transforms were received (s), and these; the newest one of each edge before.
@@ -54,8 +53,6 @@ class RecentFindings:
         """
         begin, self._end = thread_time(), self._listener.now()
         self._begin = min(self._begin, now)
-        if self._was_simulated != (simulated := self._listener.clock.is_simulated):
-            self._was_simulated, self.findings = simulated, ()
         if not is_complete:
             self._before, self._tables = self._parts(inf)
         self._tables += ((now, table) for table in transform_tables(messages))
@@ -107,7 +104,7 @@ class RecentFindings:
 
     def _examine(self, others: Callable[[float], Sequence[Heard]], now: float) -> None:
         observed = self._observed(others, now, now - _LENGTH)
-        found = [each for each in diagnose(observed) if each.code != 'no_transforms']
+        found = diagnose(observed, ignored=['no_transforms'])
         if found and now >= self._begin + _LAST:
             observed = self._observed(others, now, now - _LAST)
         still, findings = diagnose(observed) if found else [], []
