@@ -4,15 +4,12 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple, Union
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.view.feed import LENGTH
 from puretf_tools.view.placement import Floats, Placement, REACH
 
-#: The colours of a line at the frame and at its parent, and of an old one.
-_LINE, _AT_PARENT, _GREY = (225, 160, 20), (120, 50, 0), (178, 178, 178)
 #: The axes of the selected frame are this many times as large as those of others.
 _SELECTED = 1.5
 #: Numbers are rounded to multiples of this.
@@ -44,39 +41,30 @@ class Display(NamedTuple):
 
 def axes(placement: Placement, display: Display, selected: Collection[str] = ()
          ) -> tuple[Floats, Floats, Floats]:
-    """Return of all axes: x, y, z (m), w, x, y, z, and the scale (0.0: they are not drawn)."""
+    """
+    Return of all axes: x, y, z (m), w, x, y, z, and the scale (0.0: they are not drawn).
+
+    After a third of the timeout without an update, the axes shrink, until the frame is dead.
+    """
     shown = display.shown(placement)
-    scales = fading(placement)[1] * [
+    scales = np.clip(1.5 - 1.5 * placement.ages / placement.timeout, 0.0, 1.0) * [
         (_SELECTED if name in selected else 1.0) * (name in shown) for name in placement.names]
     return rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales
 
 
-def lines(placement: Placement, display: Display) -> tuple[Floats, NDArray[np.uint8]]:
-    """Return (m, 2, 3): the lines to parents, x, y, z (m) of both ends; and the colours there."""
+def lines(placement: Placement, display: Display) -> Floats:
+    """Return (m, 2, 3): the lines to parents, x, y, z (m) of both ends."""
     shown = display.shown(placement)
     drawn = [i for i, name in enumerate(placement.names)
              if placement.parents[i] >= 0 and name in shown]
     ends = [placement.parents[i] for i in drawn]
-    points = np.stack([placement.points[drawn], placement.points[ends]], axis=1)
-    colourfulness, _ = fading(placement)
-    colours = _GREY + colourfulness[drawn][:, None, None] * (np.array([_LINE, _AT_PARENT]) - _GREY)
-    return rounded(points), np.round(colours).astype(np.uint8)
+    return rounded(np.stack([placement.points[drawn], placement.points[ends]], axis=1))
 
 
 def rounded(values: Floats) -> Floats:
     """Round positions (m) and quaternions to what can be seen: they need half the bytes."""
     result: Floats = np.round(values / _FINEST) * _FINEST
     return result
-
-
-def fading(placement: Placement) -> tuple[Floats, Floats]:
-    """
-    Return the colourfulness of lines, from 1 to 0 (grey), and the scale of axes, from 1 to 0.
-
-    In the second third of the timeout, a line turns grey; in the last third, the axes shrink.
-    """
-    thirds = placement.ages / (placement.timeout / 3)
-    return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)
 
 
 class Track:

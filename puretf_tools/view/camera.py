@@ -131,14 +131,9 @@ def _put(cameras: Sequence[Any], position: Floats, target: Floats,
             each.position, each.look_at, each.fov, each.far = position, target, angle, far
 
 
-def set_pixel_ratio(camera: Any, answer: Optional[str]) -> None:
-    """Note how many pixels a browser has per pixel of CSS; if it has not said so, 1."""
-    with suppress(TypeError, ValueError):
-        camera.pixel_ratio = max(0.1, min(float(answer or 1.0), 10.0))
-
-
 def page_size(camera: Any) -> tuple[float, float]:
     """Return the width and the height of the page of a camera (pixels of CSS), or a guess."""
-    ratio = getattr(camera, 'pixel_ratio', 1.0)
-    width, height = (getattr(camera, name, 0) for name in ('image_width', 'image_height'))
-    return (width / ratio, height / ratio) if width > 0 and height > 0 else (1800.0, 900.0)
+    size = getattr(camera, 'page_size', (0.0, 0.0))
+    if min(size) <= 0.0:
+        size = tuple(getattr(camera, name, 0) for name in ('image_width', 'image_height'))
+    return size if min(size) > 0.0 else (1800.0, 900.0)

@@ -18,7 +18,7 @@ from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.scene import MOST_NAMES, Scene
-from puretf_tools.view.viser_private import Server
+from puretf_tools.view.viser_private import Server, with_head
 
 #: The time between two moments of an animation (s).
 PERIOD = 0.05
@@ -85,6 +85,6 @@ class Animation:
                 before = time
             _, self.problems = scene.body.lines()
             serializer.insert_sleep(PERIOD)  # before the loop begins again
-            return str(serializer.as_html())
+            return with_head(serializer.as_html(), self._feed.name)
         finally:
             server.stop()

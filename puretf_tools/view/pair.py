@@ -47,6 +47,7 @@ class Pair:
                        _add_plot(gui, 'rotation', ('roll (°)', 'pitch (°)', 'yaw (°)')))
         self._texts = gui.add_html('')
         self._key = '', '', ''  # the frames and the span
+        self._zero = 0  # of the time in the plots (ns)
         self.shown: Optional[Transform] = None  #: the transform; None: there is none
         #: The `end` of the numbers and of the plots, and when the plots are due (s).
         self._end, self._plotted_end, self._next = 0, 0, 0.0
@@ -113,15 +114,21 @@ class Pair:
             _as_table(transform, self._feed.time_text))
         self._texts.content = _as_texts(transform) if transform else ''
 
+    def time_at(self, seconds: float) -> int:
+        """Return a time in the plots (ns)."""
+        return self._zero + round(seconds * SECOND)
+
     def _show_plots(self, end: Optional[int]) -> None:
         """Show the values up to `end` (ns); hide the plots if there are none."""
         self._span.visible = end is not None
         values = np.empty((2, 3, 0)) if end is None else self._values(end)
         is_visible = bool(np.isfinite(values).any())
+        if is_visible:
+            self._zero = (self._feed.player.begin if self._feed.player else
+                          int(self._track.times[-1]))
         for plot, each in zip(self._plots, values):
             if is_visible:
-                zero = self._feed.player.begin if self._feed.player else self._track.times[-1]
-                plot.data = ((self._track.times - zero) / SECOND, *each)
+                plot.data = ((self._track.times - self._zero) / SECOND, *each)
             plot.visible = is_visible
 
     def _values(self, end: int) -> Floats:

@@ -155,8 +155,12 @@ class Panel:
 
     async def on_step(self, is_back: bool, _: Any) -> None:
         """Pause, and look further back, or less."""
+        self.look_back(self.back.value + (_STEP if is_back else -_STEP))
+
+    def look_back(self, seconds: float) -> None:
+        """Pause, and look back."""
         self._pause.value = True
-        self.back.value = min(max(self.back.value + (_STEP if is_back else -_STEP), 0.0), LENGTH)
+        self.back.value = min(max(seconds, 0.0), LENGTH)
 
     def set_frames(self, placement: Placement, now: float) -> None:
         """

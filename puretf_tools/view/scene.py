@@ -27,13 +27,12 @@ _LONGEST_NAME = 40  # characters
 #: The width of a letter of a label, and half the height of a label (pixels).
 _LETTER, _HALF_LINE = 7.0, 10.0
 _AXIS_RADIUS = 0.05  # of an axis, as a fraction of its length
-_LINE_WIDTH = 2.0  # pixels, of a line to the parent
 _CELLS, _CELL = 20, 0.5  # the number of cells along each side of the grid, and their side (m)
-_LIGHT_GRID, _DARK_GRID = np.array([[215] * 3, [70] * 3], np.uint8)
-_GRID_WIDTH = 1.0  # pixels
-_TRAIL_WIDTH = 3.0  # pixels
-_TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
-_PAIR_COLOUR, _PAIR_WIDTH = np.array([0, 150, 160], np.uint8), 4.0
+#: Red, green, blue: the background, the grid, and lines to parents; of a light and a dark page.
+_GREYS = np.array([[[255] * 3, [220] * 3, [150] * 3], [[20] * 3, [56] * 3, [125] * 3]])
+_TRAIL, _PAIR = np.array([[200, 60, 200], [0, 150, 160]])
+#: Of lines (pixels).
+_THIN, _TRAIL_WIDTH, _PAIR_WIDTH = 1.0, 3.0, 4.0
 #: A click selects a frame if it is this near to an axis (pixels).
 _TARGET = 10.0
 #: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
@@ -62,8 +61,6 @@ class Scene:
         #: By name: the grid, lines to the parents, the line between a pair, pieces of the trail.
         self._segments: dict[str, viser.LineSegmentsHandle] = {}
         self._grid = _grid()
-        #: By the number of its piece: the newest number when it was coloured, its lines.
-        self._trail: dict[int, tuple[int, Floats]] = {}
         #: By the name of their frame: the labels, of which some are not visible. None is used for
         #: another frame: a slow browser would show it with the old text for a moment.
         self._labels: dict[str, viser.LabelHandle] = {}
@@ -93,16 +90,17 @@ class Scene:
         """
         with self._owner.atomic():
             self._move_world(placement, follow, with_yaw)
-            self._show_segments('grid', self._grid, _DARK_GRID if display.is_dark else
-                                _LIGHT_GRID, _GRID_WIDTH, display.with_grid)
+            background, grid, line = _GREYS[int(display.is_dark)]
+            self._show_segments('grid', self._grid, grid, _THIN, display.with_grid)
+            self._move_grid(placement.point(follow))
             self._show_axes(*axes(placement, display, selected), display)
-            self._show_segments(
-                'lines', *lines(placement, display), _LINE_WIDTH, display.with_lines)
+            self._show_segments('lines', lines(placement, display), line, _THIN,
+                                display.with_lines)
             self._show_names(placement, display, selected)
             ends = [point for name in pair if (point := placement.point(name)) is not None]
             self._show_segments(
-                'pair', rounded(np.array([ends])), _PAIR_COLOUR, _PAIR_WIDTH, len(ends) == 2)
-            self._show_trail(trail)
+                'pair', rounded(np.array([ends])), _PAIR, _PAIR_WIDTH, len(ends) == 2)
+            self._show_trail(trail, background)
             self.body.show(descriptions, placement, display)
 
     def _put(self, node: viser.SceneNodeHandle, position: Vector,
@@ -165,19 +163,25 @@ class Scene:
             self._axes.batched_wxyzs = wxyzs.astype(np.float32)
             self._axes.batched_scales = scales.astype(np.float32)
 
-    def _show_segments(self, name: str, points: Floats, colours: NDArray[np.uint8],
-                       width: float, are_visible: bool = True) -> None:
-        """Show or hide line segments: (n, 2, 3), both ends, and their colours, or one."""
-        segments = self._segments.get(name)
+    def _move_grid(self, followed: Optional[Floats]) -> None:
+        """Keep the lines of the grid where they are, and a followed frame within its middle."""
+        x, y, _ = (0.0, 0.0, 0.0) if followed is None else _CELL * np.round(followed / _CELL)
+        if (grid := self._segments.get('grid')) and (x, y, 0.0) != (*grid.position.tolist(),):
+            self._put(grid, (float(x), float(y), 0.0))
+
+    def _show_segments(self, name: str, points: Floats, colour: NDArray[Any], width: float,
+                       are_visible: bool = True) -> None:
+        """Show or hide line segments: (n, 2, 3), both ends."""
+        segments, colour = self._segments.get(name), colour.astype(np.uint8)
         if not are_visible or not len(points):
             if segments:
                 segments.visible = False
         elif segments:
-            segments.points, segments.colors = points.astype(np.float32), colours
+            segments.points, segments.colors = points.astype(np.float32), colour
             segments.visible = True
         else:
             self._segments[name] = self._scene.add_line_segments(
-                f'{WORLD}/{name}', points, colours, thickness=width, thickness_units='screen')
+                f'{WORLD}/{name}', points, colour, thickness=width, thickness_units='screen')
 
     async def _on_click(self, clicks: 'deque[str]', event: viser.SceneClickEvent) -> None:
         x, y = np.multiply(event.screen_pos, page_size(event.client.camera))
@@ -232,19 +236,15 @@ class Scene:
             if not label.visible or (x, y, z) != (*label.position.tolist(),):
                 self._put(label, (x, y, z))
 
-    def _show_trail(self, trail: Pieces) -> None:
-        for number in self._trail.keys() - trail.keys():
-            del self._trail[number]
-            self._segments.pop(f'trail/{number}').remove()
+    def _show_trail(self, trail: Pieces, background: NDArray[Any]) -> None:
+        for name in [name for name in self._segments if name.startswith('trail/')]:
+            if int(name[6:]) not in trail:
+                self._segments.pop(name).remove()
         newest = max(trail, default=0)
-        for number, new in trail.items():
-            coloured, before = self._trail.get(number, (0, new))
-            if coloured != newest or not np.array_equal(before, new):
-                age = min(1.0, (newest - number) / LENGTH)
-                colour = np.round(_TRAIL_COLOUR + age * (np.array(_TRAIL_FADED) - _TRAIL_COLOUR))
-                self._show_segments(f'trail/{number}', new, np.broadcast_to(
-                    colour.astype(np.uint8), new.shape), _TRAIL_WIDTH)
-                self._trail[number] = newest, new
+        for number, points in trail.items():
+            age = (newest - number) / (LENGTH + 1)
+            self._show_segments(f'trail/{number}', points, _TRAIL + age * (background - _TRAIL),
+                                _TRAIL_WIDTH)
 
 
 def _grid() -> Floats:

@@ -16,7 +16,7 @@ from puretf import SECOND, TransformBuffer
 from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.view.axes_and_trail import Display, Trail
-from puretf_tools.view.camera import FirstCamera, look_at, set_pixel_ratio, VIEWS
+from puretf_tools.view.camera import FirstCamera, look_at, VIEWS
 from puretf_tools.view.controls import change
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import BagFeed, Descriptions, Feed, LENGTH
@@ -26,7 +26,7 @@ from puretf_tools.view.placement import Floats, FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
-from puretf_tools.view.viser_private import LONGEST, PANELS, PIXEL_RATIO, receive_at_once, Server
+from puretf_tools.view.viser_private import LONGEST, PAGE, PANELS, receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
@@ -76,6 +76,7 @@ class View:
         self.viewers: dict[int, Viewer] = {}
         self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
+        server.title = feed.name
 
     def update(self) -> None:
         """Read the feed and the panels, and update what each viewer sees."""
@@ -142,6 +143,7 @@ class Viewer:
         self._client, self._is_alone = client, is_alone
         self.has_path = False  #: whether the first camera knows where the frames go
         self._next_store = 0.0  # (s, monotonic clock)
+        self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
         self._scene = Scene(client, meshes)
@@ -209,7 +211,11 @@ class Viewer:
             raise self.pace.error
         if self._shown is None:
             self._restore()
-        set_pixel_ratio(self._client.camera, self.pace.pixel_ratio)
+        width, height, *click = self.pace.page
+        self._client.camera.page_size = width, height
+        if click != self._click:
+            self._click = click
+            self._go_to(panel.pair.time_at(click[1]))
         if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
@@ -242,6 +248,14 @@ class Viewer:
             self._next_store = now + _STORE_PERIOD
             self.pace.store(self._settings.as_json())
 
+    def _go_to(self, time: int) -> None:
+        """Show a time (ns), and pause."""
+        if player := self._feed.player:
+            player.stop_at(time)
+        else:
+            newest = self._paused_at if self._place_paused else _newest(self._feed.buffer)
+            self._panel.look_back((newest - time) / SECOND)
+
     def _take_clicks(self, placement: Placement) -> None:
         """Select what the viewer has clicked in the tree, in the scene and in the findings."""
         panel, scene = self._panel, self._scene
@@ -251,7 +265,7 @@ class Viewer:
             panel.selected.choose(next(iter(finding.frames), panel.selected.value))
             panel.tree.unfold(placement, panel.selected.value)
             if self._feed.player and finding.time:
-                self._feed.player.stop_at(finding.time)
+                self._go_to(finding.time)
         if scene.shift_clicks:
             panel.pair.choose(panel.selected.value, scene.shift_clicks.pop())
         if panel.tree.rows.clicks:
@@ -285,10 +299,10 @@ class Pace:
         """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
         self._client, self._key = client, key
         self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
-        #: What the browser has stored: the view, and what additions.html measures.
+        #: What the browser has stored: the view, and where the panels are.
         self.stored: Optional[str] = None
         self.panels: Optional[str] = None
-        self.pixel_ratio: Optional[str] = None
+        self.page = [0.0, 0.0, 0.0, 0.0]  #: what head.html says; see there
         self.is_blocked = False  #: True if the browser stores nothing
         self.is_waiting = True  #: True until the last update has been handled
         self.error: Optional[Exception] = None  #: what has ended the thread
@@ -309,17 +323,22 @@ class Pace:
             self.stored = text
             self._client.local_storage.set_item(self._key, text)
 
+    def _note(self, answer: Optional[str]) -> None:
+        if answer and len(page := [*map(float, answer.split())]) == len(self.page):
+            self.page = page
+
     def _work(self) -> None:
         get = self._client.local_storage.get_item
         try:
             try:  # a browser that is slow must not begin anew, and store that
                 self.stored, self.panels = get(self._key), get(PANELS)
+                self._note(get(PAGE))
             except RuntimeError:  # or the viewer has left
                 self.is_blocked = True
             self.is_waiting = False
             while move := self._moves.get():
                 with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
-                    self.pixel_ratio = get(PIXEL_RATIO)
+                    self._note(get(PAGE))
                 move()
                 self.is_waiting = False
         except Exception as error:

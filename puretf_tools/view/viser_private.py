@@ -16,6 +16,8 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
 - `push` of a message buffer sets its `message_event` outside of the event loop, too: if the loop
   just begins to wait for it, nothing wakes it later. `push` and `atomic_end` let the loop set it,
   too.
+- The page has '<title>Viser</title>' in its head, before its code. head.html changes its shaders
+  of labels.
 - additions.html names controls by their classes, finds the panels by attributes `data-dock-…`,
   and stores what it measures under keys that begin with `viser-user:`.
 """
@@ -23,10 +25,13 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
+import gzip
+from html import escape
 from http import HTTPStatus
 import logging
 from math import hypot, inf, isclose, isfinite
+from pathlib import Path
 import socket
 from time import monotonic
 from typing import Any, Optional, TYPE_CHECKING
@@ -68,20 +73,24 @@ HANDLES = f'{WORLD}/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
 
-#: The keys in a browser's storage of what additions.html measures: the number of pixels of the
-#: display per pixel of CSS, and where the panels are.
-PIXEL_RATIO, PANELS = 'pixel ratio', 'panels'
+#: The keys in a browser's storage: what head.html says of the page, and where additions.html found
+#: the panels.
+PAGE, PANELS = 'page', 'panels'
 
 Vector = tuple[float, float, float]
 Wxyz = tuple[float, float, float, float]
 #: The arguments of `set_pose`.
 Move = tuple[viser.SceneNodeHandle, Vector, Optional[Wxyz]]
 
+#: What the page has in addition, before viser's own code.
+_HEAD = (Path(__file__).parent / 'head.html').read_text()
 _SERVE = websockets.asyncio.server.serve
 
 
 class Server(viser.ViserServer):
     """A server whose viewers can only look at the scene and use the panel."""
+
+    title = ''  #: of the page, after 'TF: '
 
     def __init__(self, listening: socket.socket, why_refused: Callable[['Headers'], str]) -> None:
         """Start; `why_refused` returns why a request with these headers is refused, or ''."""
@@ -112,7 +121,12 @@ class Server(viser.ViserServer):
         def process(connection: Any, request: Any) -> Any:
             if why := self._why_refused(request.headers):
                 return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
-            return process_request(connection, request)
+            response = process_request(connection, request)
+            if response and 'html' in response.headers.get('Content-Type', ''):
+                response.body = _packed(response.body, self.title)
+                del response.headers['Content-Length']
+                response.headers['Content-Length'] = str(len(response.body))
+            return response
 
         async def handle(connection: Any) -> None:
             try:
@@ -169,6 +183,19 @@ class _LoopEvent(asyncio.Event):
         with suppress(RuntimeError):
             asyncio.get_running_loop()
             super().set()
+
+
+@lru_cache(1)
+def _packed(page: bytes, title: str) -> bytes:
+    """Give the page a head; a client that takes no gzip gets viser's own page."""
+    with suppress(gzip.BadGzipFile):
+        return gzip.compress(with_head(gzip.decompress(page).decode(), title).encode())
+    return page
+
+
+def with_head(page: str, title: str) -> str:
+    """Return viser's page with head.html in place of its title."""
+    return page.replace('<title>Viser</title>', _HEAD.replace('TITLE', f'TF: {escape(title)}'))
 
 
 def receive_at_once(client: viser.ClientHandle) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from puretf import TransformBuffer
 from puretf_tools.view import feed as feed_module
-from puretf_tools.view.axes_and_trail import axes, Display, fading, lines, Trail
+from puretf_tools.view.axes_and_trail import axes, Display, lines, Trail
 from puretf_tools.view.feed import BagFeed, Feed
 from puretf_tools.view.placement import FrameWatcher
 
@@ -224,7 +224,7 @@ def test_what_is_far_is_not_drawn(place):
     assert Display().shown(placement) == {'map', 'base', 'hand', 'tip', 'near', 'x'}
     assert np.abs(FrameWatcher(buffer).placement('far').points).max() < 1e6
     assert np.abs(axes(placement, Display())[0]).max() < 1e6
-    assert len(lines(placement, Display())[0]) == 4
+    assert len(lines(placement, Display())) == 4
 
 
 def earth(root):
@@ -271,21 +271,17 @@ def test_axes_and_lines():
     for name in 'abc':
         assert wxyzs[name] == pytest.approx([HALF, 0.0, 0.0, HALF], abs=1e-4)
     assert scales == {'map': 1.0, 'a': 1.0, 'b': 1.5, 'c': 0.0}
-    points, colours = lines(placement, hidden)
-    assert sorted(points.tolist()) == [[[-2, 1, 4], [0, 0, 2]], [[0, 0, 2], [0, 0, 0]]]
-    assert (colours[:, 0] != colours[:, 1]).any(axis=1).all()
+    assert sorted(lines(placement, hidden).tolist()) == [
+        [[-2, 1, 4], [0, 0, 2]], [[0, 0, 2], [0, 0, 0]]]
 
 
-def test_fading_as_in_rviz(clock):
-    """Of the timeout a frame keeps its colour for a third, turns grey, and then vanishes."""
+def test_axes_of_an_old_frame(clock):
+    """After a third of the timeout they shrink, until the frame is gone."""
     watcher, found = FrameWatcher(chain('map', 'base'), lambda: clock[0]), []
     for seconds in 0.0, 10.0, 5.0, 5.0, 5.0:
         clock[0] += seconds
-        placement = watcher.placement('', 0, 30.0)
-        found.append([values[1] for values in fading(placement)])
-        _, colours = lines(placement, Display())
-        assert (np.ptp(colours) == 0) == (found[-1][0] == 0.0)
-    assert found == [[1.0, 1.0], [1.0, 1.0], [0.5, 1.0], [0.0, 1.0], [0.0, 0.5]]
+        found.append(axes(watcher.placement('', 0, 30.0), Display())[2].tolist())
+    assert found == [[1.0, 1.0], [1.0, 1.0], [1.0, 0.75], [1.0, 0.5], [1.0, 0.25]]
 
 
 def test_a_trail():
@@ -710,7 +706,7 @@ def test_the_first_camera(page, clock):
     there = shown.server.initial_camera.position.tolist()
     wide = {**CAMERA, 'position': there, 'look_at': target}
     viewer.last.clear()
-    viewer.storage['pixel ratio'] = '3'
+    viewer.storage['page'] = '390 400 0 0'
     viewer.send({**wide, 'image_width': 1170, 'image_height': 1200})
     shown.until(lambda: viewer.distance() > 30.0)  # a narrow page: 390 pixels of CSS
     shown.step()
@@ -875,7 +871,7 @@ def test_silences_are_remembered_while_viewers_look_back(page, clock):
 
 
 def test_frames_that_fade_and_return(page, clock):
-    """They turn grey, and vanish with their names and the trail, until they move again."""
+    """They shrink, and vanish with their names and the trail, until they move again."""
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
     shown = page(buffer)
@@ -1341,6 +1337,45 @@ def test_the_keys(page):
         shown.until(lambda: 'SetCameraPositionMessage' in viewer.last)
     viewer.set('Transforms', 'reset')
     shown.until(lambda: 'no frames yet' in viewer.text('overview'))
+
+
+def colours(viewer, kind):
+    """Return the colours of lines."""
+    return [node['colors'].tolist() for name, node in sorted(viewer.nodes.items())
+            if name.startswith(f'/world/{kind}') and 'colors' in node]
+
+
+def test_the_grid_and_the_trail(page):
+    """The grid goes with the followed frame, by whole cells; an old trail is as the background."""
+    buffer = TransformBuffer(40 * S)
+    for second in range(21):
+        buffer.insert(T + second * S, 'map', 'base', pose(200.3 - 0.1 * second, 99.9))
+    shown = page(buffer)
+    viewer = shown.viewer
+    shown.until(lambda: len(colours(viewer, 'trail')) == 21)
+    for is_dark, grey in (False, 255), (True, 20):
+        shown.set('Dark', is_dark)
+        oldest = [int(grey + (value - grey) / 21) for value in (200, 60, 200)]
+        shown.until(lambda: colours(viewer, 'trail')[::20] == [
+            oldest, [200, 60, 200]])  # noqa: B023
+    assert colours(viewer, 'lines') == [[125, 125, 125]]
+    assert 'position' not in viewer.nodes['/world/grid']
+    shown.set('Follow', 'base')  # at x = 198.3
+    shown.until(lambda: [*viewer.nodes['/world/grid'].get('position', ())] == [198.5, 100.0, 0.0])
+
+
+@pytest.mark.parametrize(('is_bag', 'seconds', 'x'), [(False, -0.3, 7), (True, 0.3, 3)])
+def test_a_click_in_a_plot(page, is_bag, seconds, x):
+    """The page pauses, and shows the time there."""
+    buffer = TransformBuffer(40 * S)
+    for step in range(11):
+        buffer.insert(T + step * S // 10, 'map', 'base', pose(step))
+    shown = page(BagFeed(buffer, 'bag') if is_bag else buffer,
+                 view='{"A": "map", "B": "base", "Plot over": "20 s"}')
+    viewer = shown.viewer
+    shown.until(lambda: viewer.get('translation', 'visible') or 'distance' in viewer.text('pair'))
+    viewer.storage['page'] = f'800 600 1 {seconds}'
+    shown.until(lambda: viewer.names().get('base') == pytest.approx([x, 0, 0], abs=1e-3))
 
 
 @pytest.mark.parametrize('changes', [

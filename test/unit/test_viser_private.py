@@ -3,6 +3,8 @@
 import asyncio
 from contextlib import closing
 import inspect
+from pathlib import Path
+import re
 
 import pytest
 from viewer import recorded, Viewer
@@ -83,6 +85,28 @@ def test_only_the_event_loop_sets_the_event_for_which_it_waits():
     for function in infra.AsyncMessageBuffer.push, infra.AsyncMessageBuffer.atomic_end:
         assert 'event_loop.call_soon_threadsafe(self.message_event.set)' in inspect.getsource(
             function)
+
+
+CLIENT = Path(viser.__file__).parent / 'client'
+
+
+def test_the_head_of_the_page():
+    """The title stands before the code, which has the shaders and properties that are named."""
+    from puretf_tools.view import viser_private
+    page = (CLIENT / 'build' / 'index.html').read_text()
+    assert page.index('<title>Viser</title>') < page.index('<script')
+    assert '<title>TF: &lt;b&gt;</title>' in viser_private.with_head(page, '<b>')
+    labels, plot, messages, warning = (
+        (CLIENT / 'src' / path).read_text() for path in (
+            'label/LabelRenderer.tsx', 'components/UplotComponent.tsx', 'MessageHandler.tsx',
+            'BrowserWarning.tsx'))
+    changes = viser_private._HEAD.split('changes = [')[1].split('];')[0]
+    for before in re.findall(r"\['(.*?)',", changes):
+        assert labels.count(before) == 1
+    assert '(w.__viserTestpoints ??= {})' in plot
+    assert 'reg[uuid] = { chart, ' in plot
+    assert 'localStorage.getItem(LOCAL_STORAGE_PREFIX + message.key)' in messages
+    assert 'id: "webgl-software-rendering"' in warning
 
 
 def test_serve_takes_what_guards_it():
