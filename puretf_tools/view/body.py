@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 import viser
@@ -23,6 +23,9 @@ from puretf_tools.view.viser_private import WORLD
 
 #: The largest number of triangles of the meshes of a robot that are drawn.
 MAX_TRIANGLES = 5_000_000
+#: The least and the most that is added at a time (bytes): less if a viewer is slow.
+_LEAST, _MOST = 2**16, 2**24
+_QUICK = 0.5  # for an update (s)
 #: The side of the box in place of a mesh that is missing (m).
 _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
@@ -34,17 +37,11 @@ _COLLISION: Rgba = (0.0, 0.6, 0.55, 0.35)
 class _Part:
     link: str
     is_collision: bool
-    shapes: list[Shape]  #: those that are not drawn yet
+    shapes: list[Shape] = field(default_factory=list)  #: those that are not drawn yet
+    meshes: int = 0  #: their number, also of those that are drawn
     node: Any = None  #: moves with the link; None: it was never visible
     pose: Optional[list[float]] = None  #: of the node: x, y, z (m), quaternion x, y, z, w
     drawn: list[tuple[Any, float]] = field(default_factory=list)  #: handles, and their opacity
-
-
-def _parts(shapes: Iterable[Shape], is_collision: bool) -> Iterable[_Part]:
-    parts: dict[str, _Part] = {}
-    for shape in shapes:
-        parts.setdefault(shape.link, _Part(shape.link, is_collision, [])).shapes.append(shape)
-    return parts.values()
 
 
 class _Robot:
@@ -58,7 +55,14 @@ class _Robot:
         self.not_drawn: dict[str, None] = {}  # the names of the files of these meshes
         self.sign: Any = None  # at the first body that is missing
         self.triangles = 0  # of the meshes that are drawn
-        self.parts = [*_parts(description.visuals, False), *_parts(description.collisions, True)]
+        parts: dict[tuple[str, bool], _Part] = {}
+        for is_collision, shapes in enumerate((description.visuals, description.collisions)):
+            for shape in shapes:
+                key = shape.link, bool(is_collision)
+                part = parts.setdefault(key, _Part(*key))
+                part.shapes.append(shape)
+                part.meshes += shape.kind == 'mesh'
+        self.parts = [*parts.values()]
 
     def lines(self) -> list[str]:
         description = self.description
@@ -71,6 +75,10 @@ class _Robot:
             for package, count in missing.items() if package is not None)]
 
 
+#: A shape that is not drawn yet.
+_Waiting = tuple[_Robot, _Part, Shape]
+
+
 def _meshes(count: int) -> str:
     return '1 mesh' if count == 1 else f'{count} meshes'
 
@@ -78,8 +86,8 @@ def _meshes(count: int) -> str:
 class Body:
     """The bodies in the scene of one viewer or of all."""
 
-    #: The largest number of shapes that one call of `show` adds, so that viewers do not wait.
-    at_a_time = 100
+    #: How much one call of `show` adds (bytes), so that viewers do not wait.
+    at_a_time = _LEAST
 
     def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object],
                  put: Callable[..., object]) -> None:
@@ -94,8 +102,14 @@ class Body:
         self._robots: dict[str, _Robot] = {}  # by topic
         # The name of a node must not depend on that of its link, which can have slashes.
         self._node_numbers = count()
-        self._left = 0  # how many shapes this update may still add
+        #: How many meshes are drawn, or cannot be, and how many there are at the frames.
+        self._done = self._total = 0
         self._opacity = 1.0
+
+    def adapt(self, seconds: float) -> None:
+        """Add more or less at a time; `seconds`: how long the viewer took for the last update."""
+        factor = 2.0 if seconds < _QUICK else 0.5 if seconds > 2 * _QUICK else 1.0
+        self.at_a_time = min(max(_LEAST, round(self.at_a_time * factor)), _MOST)
 
     def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
         """Draw the bodies at the frames."""
@@ -104,9 +118,8 @@ class Body:
         if not self._robots:
             return
         self._set_opacity(display.opacity)
-        self._left = self.at_a_time
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
-        far = {*placement.far}
+        far, waiting, self._total = {*placement.far}, list[_Waiting](), 0
         poses = {name: row for name, row in zip(placement.names, rows) if name not in far}
         for robot in self._robots.values():
             if robot.names != placement.names:
@@ -118,13 +131,17 @@ class Body:
                 frame = robot.prefix + part.link
                 is_on = display.with_collisions if part.is_collision else display.with_visuals
                 if is_on and frame in poses:
-                    self._draw(robot, part, poses[frame])
+                    self._place(part, poses[frame])
+                    waiting += [(robot, part, shape) for shape in part.shapes]
+                    self._total += part.meshes
                 elif part.node:
                     part.node.visible = False
+        self._add_some(waiting)
 
     def lines(self) -> tuple[list[str], list[str]]:
         """Return what the panel says of descriptions, and of each mesh that cannot be drawn."""
-        return [line for topic, each in self._descriptions.items() for line in (
+        progress = [f'meshes: {self._done} of {self._total}'] * (self._done < self._total)
+        return progress + [line for topic, each in self._descriptions.items() for line in (
             [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
             line for robot in self._robots.values() for line in robot.problems]
 
@@ -148,7 +165,7 @@ class Body:
                     for handle, own in part.drawn:
                         handle.opacity = _opacity(own * opacity)
 
-    def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> None:
+    def _place(self, part: _Part, pose: list[float]) -> None:
         if not part.node:
             part.node = self._scene.add_frame(
                 f'{WORLD}/robots/{next(self._node_numbers)}', show_axes=False, visible=False)
@@ -156,20 +173,29 @@ class Body:
             part.pose = pose
             *position, x, y, z, w = pose
             self._put(part.node, position, (w, x, y, z))
-        if not part.shapes:
-            return
-        part.shapes = [shape for shape in part.shapes if not self._add(shape, robot, part)]
-        if robot.problems:
-            robot.sign = robot.sign or self._scene.add_label(f'{part.node.name}/sign', '')
-            robot.sign.text = (f'{_meshes(len(robot.problems))} not drawn: '
-                               f'{comma_list([*robot.not_drawn])}')
 
-    def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
-        """Add a shape to the node of its part; return False if it must wait for another update."""
-        mesh = self._meshes.get(shape.file) if shape.kind == 'mesh' else None
-        if not self._left or (mesh is None and shape.kind == 'mesh'):
-            return False
-        self._left -= 1
+    def _add_some(self, waiting: list[_Waiting]) -> None:
+        """Add shapes, the largest last: while others are being loaded, it waits for them."""
+        found = [(self._meshes.get(shape.file) if shape.kind == 'mesh' else None, robot, part,
+                  shape) for robot, part, shape in waiting]
+        ready = [each for each in found if each[0] or each[3].kind != 'mesh']
+        self._done = self._total - sum(shape.kind == 'mesh' for *_, shape in waiting)
+        left = self.at_a_time
+        for mesh, robot, part, shape in sorted(ready, key=lambda each: _bytes(each[0])):
+            if (size := _bytes(mesh)) > left and (
+                    left < self.at_a_time or len(ready) < len(found)):
+                break
+            left -= size
+            self._add(shape, mesh, robot, part)
+        for robot in {id(robot): robot for robot, *_ in waiting}.values():
+            if robot.sign:
+                robot.sign.text = (f'{_meshes(len(robot.problems))} not drawn: '
+                                   f'{comma_list([*robot.not_drawn])}')
+
+    def _add(self, shape: Shape, mesh: Union[Mesh, MeshError, None], robot: _Robot, part: _Part
+             ) -> None:
+        """Add a shape to the node of its part."""
+        part.shapes.remove(shape)
         kind, size, rgba = shape.kind, _within_reach(shape.size), shape.rgba or _DEFAULT
         if isinstance(mesh, Mesh):
             rgba = shape.rgba or mesh.rgba or _DEFAULT
@@ -183,6 +209,7 @@ class Body:
             robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = (
                 package if isinstance(mesh, MissingMesh) else None)
             robot.not_drawn[visible(name.rpartition('/')[2])] = None
+            robot.sign = robot.sign or self._scene.add_label(f'{part.node.name}/sign', '')
             kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
         red, green, blue, alpha = _COLLISION if part.is_collision else rgba
         x, y, z, w = shape.pose[3:]
@@ -202,7 +229,6 @@ class Body:
             handle = self._scene.add_icosphere(name, radius=size[0], **common)
         handle.on_click(partial(self._click, robot, part))
         part.drawn.append((handle, alpha))
-        return True
 
     async def _click(self, robot: _Robot, part: _Part, _: Any) -> None:
         self._on_click(robot.prefix + part.link)
@@ -212,6 +238,11 @@ def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:
     """Return the files of all meshes that are drawn as visual shapes."""
     return {shape.file for each in descriptions if isinstance(each, Description)
             for shape in each.visuals if shape.kind == 'mesh'}
+
+
+def _bytes(mesh: Union[Mesh, MeshError, None]) -> int:
+    """Return about how many bytes a viewer is sent of a shape."""
+    return mesh.vertices.nbytes + mesh.faces.nbytes if isinstance(mesh, Mesh) else 1000
 
 
 def _opacity(value: float) -> Optional[float]:

@@ -295,6 +295,29 @@ def test_a_mesh(page, tmp_path):
     assert [*mesh['color']] == [0, 255, 0]
 
 
+def test_large_meshes_come_last(page, tmp_path, monkeypatch):
+    """One at a time, so that frames are not late; meanwhile the page says how many are there."""
+    from puretf_tools.view import body as body_module
+    monkeypatch.setattr(body_module, '_MOST', 2**16)  # bytes; a triangle has 48
+    sizes = 5000, 2000, 3000, 1
+    for size in sizes:
+        corners = np.arange(9.0 * size).reshape(size, 3, 3)
+        (tmp_path / f'{size}.stl').write_bytes(stl(*corners))
+    shown, said = page(buffer_of('map base'), robot(link('base', *(
+        (f'<mesh filename="{size}.stl"/>',) for size in sizes))), [str(tmp_path)]), set()
+
+    def update():
+        shown.clock[0] += 1.0
+        shown.update()
+        said.add(shown.viewer.text('robot').partition('<br>')[0].partition('>')[2])
+
+    shown.viewer.until(lambda: len(drawn(shown)) == 4 and 'meshes' not in shown.viewer.text(
+        'robot'), update)
+    (shapes,) = parts(shown).values()
+    assert [shape['faces'].size // 3 for shape in shapes] == sorted(sizes)
+    assert {'meshes: 1 of 4', 'meshes: 2 of 4', 'meshes: 3 of 4'} <= said
+
+
 def test_missing_meshes(page, tmp_path, monkeypatch):
     """Each is a grey box of 0.1 m, and a line that says what to do."""
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
