@@ -104,12 +104,13 @@ class Body:
         self._node_numbers = count()
         #: How many meshes are drawn, or cannot be, and how many there are at the frames.
         self._done = self._total = 0
+        self._added = 0  # by the last update (bytes)
         self._opacity = 1.0
 
     def adapt(self, seconds: float) -> None:
         """Add more or less at a time; `seconds`: how long the viewer took for the last update."""
         factor = 2.0 if seconds < _QUICK else 0.5 if seconds > 2 * _QUICK else 1.0
-        self.at_a_time = min(max(_LEAST, round(self.at_a_time * factor)), _MOST)
+        self.at_a_time = min(max(_LEAST, round(self._added * factor)), _MOST)
 
     def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
         """Draw the bodies at the frames."""
@@ -187,6 +188,7 @@ class Body:
                 break
             left -= size
             self._add(shape, mesh, robot, part)
+        self._added = self.at_a_time - left
         for robot in {id(robot): robot for robot, *_ in waiting}.values():
             if robot.sign:
                 robot.sign.text = (f'{_meshes(len(robot.problems))} not drawn: '
