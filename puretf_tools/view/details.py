@@ -16,16 +16,18 @@ from puretf_tools.view.placement import Floats, MAX_FRAMES, Placement, REACH
 
 def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
     """Return in HTML how many frames are shown, and every problem."""
-    count, has_frames = len(placement.names), placement.names or placement.dead
-    lines = [f'{count} frame{"" if count == 1 else "s"}' if has_frames else
+    names = placement.names
+    count = len({*names, *placement.dead, *placement.left_out}.union(*placement.loops))
+    lines = [f'{len(names)} of {count} frames' if len(names) < count else
+             f'{count} frame{"" if count == 1 else "s"}' if count else
              f'no frames yet. {escaped(feed.why_no_frames())}']
-    if has_frames and feed.hint:
+    if count and feed.hint:
         lines.append(escaped(feed.hint))
-    if placement.dead:
-        lines.append(f'not shown, because {_silence(placement)}: {_list(placement.dead)}')
+    for what, is_shown in ('shown without a parent', True), ('not shown', False):
+        if dead := [name for name in placement.dead if (name in names) == is_shown]:
+            lines.append(f'{what}, because {_silence(placement)}: {_list(dead)}')
     if placement.left_out:
-        lines.append(f'only {MAX_FRAMES} of {count + len(placement.left_out)} frames are shown, '
-                     f'not: {_list(placement.left_out)}')
+        lines.append(f'more than {MAX_FRAMES}, not shown: {_list(placement.left_out)}')
     if fixed not in ('', placement.fixed):
         lines.append(f'the fixed frame {escaped(fixed)} is not available' + (
             f'; instead of it: {escaped(placement.fixed)}' if placement.fixed else ''))

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from itertools import takewhile
+from itertools import chain, takewhile
 from time import monotonic
 from typing import NamedTuple, Optional
 
@@ -51,7 +51,7 @@ class Placement(NamedTuple):
     frames: dict[str, Frame]  #: by name: the frames that have a parent and are shown
     trees: dict[str, float]  #: by anchor: its y in the scene (m)
     deepest: str  #: in the tree of the fixed frame, the frame with the most ancestors; or ''
-    loops: list[list[str]]  #: frames in loops; these are not in `names`
+    loops: list[list[str]]  #: frames in loops, which have no parent in `frames`
     far: list[str]  #: frames beyond `REACH`, which are not drawn
     dead: list[str]  #: dynamic frames without a new stamp for `timeout`
     left_out: list[str]  #: frames beyond `MAX_FRAMES`, which are not in `names`
@@ -75,8 +75,8 @@ class FrameWatcher:
         """
         Place the frames.
 
-        Dead frames are not connected to their parents. What is below them stays in a tree of its
-        own, or is dead, too, if all of this tree is static.
+        Dead frames and those in loops are not connected to their parents. What is below them stays
+        in a tree of its own, or is dead, too, if all of the tree of a dead frame is static.
 
         :param fixed: the fixed frame; if no tree has it, another one is chosen.
         :param until: the time (ns); 0: the latest time.
@@ -86,12 +86,14 @@ class FrameWatcher:
             known = {frame.name: frame for frame in self._buffer.frames(until)}
             silences = self._silences(known, until)
             alive = {name: frame for name, frame in known.items() if silences[name] < timeout}
+            loops = Forest(alive.values()).loops
+            for name in chain(*loops):
+                del alive[name]
             forest = Forest(alive.values())
-            # Frames in and below loops have no root.
             root_of = descend(alive, {root: root for root in forest.roots}, lambda _, root: root)
-            moving = {root_of.get(name) for name, frame in alive.items() if not frame.is_static}
-            root_of = {name: root for name, root in root_of.items()
-                       if root not in known or root in moving}
+            silent = known.keys() - {root_of[name] for name, frame in alive.items()
+                                     if not frame.is_static}.union(*loops)
+            root_of = {name: root for name, root in root_of.items() if root not in silent}
             if fixed not in root_of:
                 fixed = _proposed(root_of)
             shown = _first(alive, root_of, fixed)
@@ -124,9 +126,9 @@ class FrameWatcher:
             stamps=[pose.stamp for _, _, pose in found],
             ages=np.array([age_of[name] for name in names]),
             late={name: age for name, age in age_of.items() if age > timeout / 3}, timeout=timeout,
-            frames=frames, trees=trees, deepest=_deepest(frames, root, index), loops=forest.loops,
+            frames=frames, trees=trees, deepest=_deepest(frames, root, index), loops=loops,
             far=[name for name in names if name not in index],
-            dead=[name for name in known if name not in alive],
+            dead=[name for name in known if silences[name] >= timeout],
             left_out=[name for name in root_of if name not in shown])
 
     def _origin(self, fixed: str, places: Floats) -> Floats:

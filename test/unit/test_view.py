@@ -47,7 +47,7 @@ def chain(*names):
 
 
 def test_what_is_shown():
-    """All trees are shown, the largest in its root and others beside it, but no loops."""
+    """All trees are shown, others beside that of the fixed frame, also what is below a loop."""
     buffer = TransformBuffer()
     placement = FrameWatcher(buffer).placement()
     assert (placement.fixed, placement.deepest) == ('', '')
@@ -56,22 +56,23 @@ def test_what_is_shown():
         arm(buffer, T, *tree.split())
     placement = FrameWatcher(buffer).placement()
     assert placement.fixed == 'map'
-    assert placement.names == ['map', 'odom', 'other', 'base', 'world', 'tree']
-    assert placement.parents == [-1, 0, 0, 1, -1, 4]
+    assert placement.names == ['map', 'odom', 'other', 'base', 'world', 'tree', 'y', 'below']
+    assert placement.parents == [-1, 0, 0, 1, -1, 4, -1, 6]
     assert placement.points.tolist() == [
-        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, -2, 0], [1, -2, 0]]
+        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, -2, 0], [1, -2, 0], [0, -4, 0],
+        [1, -4, 0]]
     assert placement.poses[:, :3].tolist() == [
-        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0], [1, 0, 0]]
+        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]]
     assert placement.deepest == 'base'
-    assert placement.trees == {'map': 0.0, 'world': -2.0}
+    assert placement.trees == {'map': 0.0, 'world': -2.0, 'y': -4.0}
     assert [sorted(loop) for loop in placement.loops] == [['x', 'y']]
-    assert placement.anchors[-1] == 'world'
+    assert placement.anchors[-1] == 'y'
     placement = FrameWatcher(buffer).placement('odom')
     assert dict(zip(placement.names, placement.points[:, 0])) == {
-        'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1}
+        'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1, 'y': 0, 'below': 1}
     assert placement.deepest == 'base'  # the same as before: ties are not broken by chance
-    for fixed in 'nowhere', 'below':  # the second one is below a loop
-        assert FrameWatcher(buffer).placement(fixed).fixed == 'map'
+    assert FrameWatcher(buffer).placement('nowhere').fixed == 'map'
+    assert FrameWatcher(buffer).placement('below').fixed == 'below'
 
 
 @pytest.mark.parametrize(('trees', 'fixed'), [
@@ -147,7 +148,8 @@ def test_at_most_2000_frames():
     assert {*placement.left_out} == {'world', 'tree', 'late',
                                     *(f'object_{i}' for i in range(1996, 3000))}
     text = overview(placement, StubFeed(buffer))
-    assert 'only 2000 of 3007 frames are shown, not: ' in text
+    assert '>2000 of 3007 frames<' in text
+    assert 'more than 2000, not shown: ' in text
     assert ' and 1002 more<' in text
     placement = FrameWatcher(buffer).placement('tree')
     assert {'world', 'tree', 'map', 'object_1993'} < {*placement.names}
@@ -332,9 +334,17 @@ def test_texts():
         arm(buffer, T, *tree)
     placement = FrameWatcher(buffer).placement()
     text = overview(placement, feed, fixed='<b>')
-    for part in ('>5 frames<', 'not connected to map: w&quot;orld', 'in a loop: ', '→ x\\n',
+    for part in ('>5 of 7 frames<', 'not connected to map: w&quot;orld', 'in a loop: ', '→ x\\n',
                  'other &lt;topics&gt;', 'the fixed frame &lt;b&gt; is not available'):
         assert part in text
+    buffer.clear()
+    arm(buffer, T, 'x', 'y', 'x')
+    text = overview(FrameWatcher(buffer).placement(), feed)
+    assert '>0 of 2 frames<' in text
+    assert 'no frames yet' not in text
+    buffer.clear()
+    arm(buffer, T, 'map', '<script>', 'b')
+    arm(buffer, T, 'w"orld', 'tree')
     text = details(placement, 'b', feed, buffer)
     for part in ('<b data-value="parent">&lt;script&gt;</b>', '"rate">not known</td>',
                  '"delay">1.23 ms</td>', '"publisher">/&lt;i&gt;</td>', f'{T // S}.000000000 s'):
@@ -890,7 +900,7 @@ def test_frames_that_fade_and_return(page, clock):
     assert len(viewer.nodes['/world/lines']['points']) == 6
     why = 'no transform with a newer stamp has arrived for 15 s'
     shown.until(lambda: f'not shown, because {why}: hand<' in viewer.text('overview'))
-    assert '>2 frames<' in viewer.text('overview')
+    assert '>2 of 3 frames<' in viewer.text('overview')
     shown.until(lambda: f'hand is not available: {why}.' in viewer.text('details'))
     shown.set('Pause', True)  # so it is drawn as at the end
     shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
