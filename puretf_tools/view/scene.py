@@ -25,7 +25,7 @@ from puretf_tools.view.viser_private import Move, set_pose, Vector, WORLD, Wxyz
 MOST_NAMES = 50
 _LONGEST_NAME = 40  # characters
 #: The width of a letter of a label, and half the height of a label (pixels).
-_LETTER, _HALF_LINE = 7.0, 10.0
+_LETTER, _HALF_LINE = 7.0, 8.0
 _AXIS_RADIUS = 0.05  # of an axis, as a fraction of its length
 _CELLS, _CELL = 20, 0.5  # the number of cells along each side of the grid, and their side (m)
 #: Red, green, blue: the background, the grid, and lines to parents; of a light and a dark page.
