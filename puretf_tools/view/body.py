@@ -1,7 +1,7 @@
 """The bodies of robots: the shapes of their descriptions, drawn at the frames of their links."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
@@ -13,7 +13,6 @@ import viser
 from puretf._text.names import comma_list, visible
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description
-from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.shapes import Rgba, Shape
 from puretf_tools.view.axes_and_trail import Display, rounded
 from puretf_tools.view.feed import Descriptions
@@ -118,7 +117,11 @@ class Body:
             self._replace(descriptions)
         if not self._robots:
             return
-        self._set_opacity(display.opacity)
+        if display.opacity != self._opacity:
+            self._opacity = display.opacity
+            for handle, own in [each for robot in self._robots.values() for part in robot.parts
+                                for each in part.drawn]:
+                handle.opacity = _opacity(own * display.opacity)
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
         far, waiting, self._total = {*placement.far}, list[_Waiting](), 0
         poses = {name: row for name, row in zip(placement.names, rows) if name not in far}
@@ -157,14 +160,6 @@ class Body:
             if isinstance(description, Description) and topic not in self._robots:
                 self._robots[topic] = _Robot(topic, description)
         self._descriptions = descriptions
-
-    def _set_opacity(self, opacity: float) -> None:
-        if opacity != self._opacity:
-            self._opacity = opacity
-            for robot in self._robots.values():
-                for part in robot.parts:
-                    for handle, own in part.drawn:
-                        handle.opacity = _opacity(own * opacity)
 
     def _place(self, part: _Part, pose: list[float]) -> None:
         if not part.node:
@@ -234,12 +229,6 @@ class Body:
 
     async def _click(self, robot: _Robot, part: _Part, _: Any) -> None:
         self._on_click(robot.prefix + part.link)
-
-
-def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:
-    """Return the files of all meshes that are drawn as visual shapes."""
-    return {shape.file for each in descriptions if isinstance(each, Description)
-            for shape in each.visuals if shape.kind == 'mesh'}
 
 
 def _bytes(mesh: Union[Mesh, MeshError, None]) -> int:

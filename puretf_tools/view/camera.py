@@ -29,9 +29,6 @@ _FAR = 1000.0
 _ANGLE, _TOP_ANGLE = 0.8, 0.1
 #: The distance of the camera from the middle of the sphere, in radii of the sphere.
 _DISTANCE = 3.6
-#: As above, on a page that is narrower than this (pixels), where the panels cover the lower part:
-#: the distance, and by which fraction of the distance the camera looks below the middle.
-_NARROW, _FAR_DISTANCE, _BELOW = 450.0, 7.0, 0.24
 
 
 class FirstCamera:
@@ -114,12 +111,7 @@ def look_at(points: Floats, cameras: Sequence[Any],
     away = np.array(direction) / np.linalg.norm(direction) * radius
     away *= np.tan(_ANGLE / 2) / np.tan(angle / 2)
     width, height = page_size(cameras[0])
-    if width < min(height, _NARROW):
-        away *= _FAR_DISTANCE
-        up = np.cross(away, np.cross((0.0, 0.0, 1.0), away))
-        middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
-    else:
-        away *= _DISTANCE * max(1.0, height / width)
+    away *= _DISTANCE * max(1.0, height / width)
     _put(cameras, middle + away, middle, angle, max(_FAR, _FAR * radius))
 
 

@@ -12,7 +12,6 @@ from puretf import SECOND
 from puretf_tools.cli.progress import BAR, listen, progress
 from puretf_tools.cli.signals import forget_signals
 from puretf_tools.view.axes_and_trail import Display, Pieces, Trail
-from puretf_tools.view.body import mesh_files
 from puretf_tools.view.camera import look_at
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
@@ -28,7 +27,7 @@ class Animation:
     """What the scene shows at some moments, for a page without a server."""
 
     def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
-        self._feed, self._meshes = feed, Meshes(meshes)
+        self._feed, self._meshes = feed, Meshes(meshes, waits=True)
         self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
         #: The time of each (s), the frames, and the trail.
         self.moments: list[tuple[float, Placement, Pieces]] = []
@@ -66,8 +65,6 @@ class Animation:
         server = Server(create_server(('127.0.0.1', 0)), lambda headers: 'there is no page here')
         try:
             descriptions, follow = self._feed.descriptions(), self._feed.follow
-            for file in mesh_files(descriptions.values()):
-                self._meshes.load(file)
             scene = Scene(server, self._meshes)
             scene.body.at_a_time = sys.maxsize  # nobody waits
             # Only the first position of the camera counts: it shows where all frames will go.

@@ -62,24 +62,27 @@ class Mesh(NamedTuple):
 class Meshes:
     """The meshes below the directories of a search path, by their file in a description."""
 
-    def __init__(self, directories: Iterable[str] = ()) -> None:
-        """Search these directories, then `share` of each prefix of a ROS environment."""
+    def __init__(self, directories: Iterable[str] = (), waits: bool = False) -> None:
+        """
+        Search these directories, then `share` of each prefix of a ROS environment.
+
+        :param waits: whether `get` waits until a mesh is loaded.
+        """
         prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
         self._directories = [Path(os.path.abspath(directory)) for directory in (
             *directories, *(os.path.join(prefix, 'share') for prefix in prefixes if prefix))]
         #: By file; None: it is being loaded.
         self._loaded: dict[str, Union[Mesh, MeshError, None]] = {}
         self._wanted: SimpleQueue[str] = SimpleQueue()
-        self._thread: Optional[Thread] = None
+        self._waits = waits
+        if not waits:
+            Thread(target=self._load_wanted, daemon=True).start()
 
     def get(self, file: str) -> Union[Mesh, MeshError, None]:
         """Return a mesh, or why there is none; None: a thread loads it, ask again later."""
         if file not in self._loaded:
             self._loaded[file] = None
-            self._wanted.put(file)
-            if self._thread is None:
-                self._thread = Thread(target=self._load_wanted, daemon=True)
-                self._thread.start()
+            (self._load if self._waits else self._wanted.put)(file)
         return self._loaded[file]
 
     def forget_failures(self) -> None:
@@ -88,17 +91,15 @@ class Meshes:
             if isinstance(mesh, MeshError):
                 del self._loaded[file]
 
-    def load(self, file: str) -> None:
-        """Load a mesh now."""
-        if self._loaded.get(file) is None:
-            try:
-                self._loaded[file] = load(self.find(file))
-            except MeshError as error:
-                self._loaded[file] = error
+    def _load(self, file: str) -> None:
+        try:
+            self._loaded[file] = load(self.find(file))
+        except MeshError as error:
+            self._loaded[file] = error
 
     def _load_wanted(self) -> None:
         while True:
-            self.load(self._wanted.get())
+            self._load(self._wanted.get())
             if self._wanted.empty():
                 end()
 
@@ -281,14 +282,10 @@ def _joined(parts: Sequence[tuple[NDArray[np.float64], Any]], unit: float) -> Me
 
 
 def _color(visual: Any) -> Optional[Rgba]:
-    colors = visual.face_colors if visual.kind == 'face' else (
-        visual.vertex_colors if visual.kind == 'vertex' else
-        getattr(visual.material, 'baseColorFactor', None) if visual.kind == 'texture' else None)
-    if colors is None or not len(colors) or (
-            visual.kind == 'texture' and visual.material.baseColorTexture is not None):
+    """Return the most frequent color; None: there is none."""
+    color = (getattr(visual.material, 'baseColorFactor', None) if visual.kind == 'texture' else
+             visual.main_color if visual.kind else None)
+    if color is None:
         return None
-    colors = np.atleast_2d(colors)
-    if (colors != colors[0]).any():
-        return None
-    red, green, blue, alpha = (colors[0] / 255.0).tolist()
+    red, green, blue, alpha = (np.asarray(color) / 255.0).tolist()
     return red, green, blue, alpha

@@ -24,7 +24,6 @@ _PERIOD = 0.5
 _MOST_POINTS = 2400
 #: What the plots of a live page and of a bag show, of `SPANS`.
 _LIVE, _BAG = ('20 s', '2 min'), ('20 s', 'whole bag')
-_AS_A, _AS_B, _SWAP = 'selected as A', 'selected as B', 'swap'
 #: The colours of the plots: those of the axes x, y, z in the scene.
 _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
 
@@ -32,14 +31,12 @@ _COLOURS = 'rgb(200, 0, 0)', 'rgb(0, 130, 0)', 'rgb(0, 40, 210)'
 class Pair:
     """The transform between two frames that a viewer chooses: numbers, texts to copy, plots."""
 
-    def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed, selected: FrameChoice
-                 ) -> None:
-        """Add the controls to the current container; `selected`: the frame that buttons take."""
+    def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed) -> None:
+        """Add the controls to the current container."""
         self._feed = feed
         self.use(feed.buffer)
-        self._selected = selected
         self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
-        gui.add_button_group('Frames', (_AS_A, _AS_B, _SWAP)).on_click(self._on_take)
+        gui.add_button_group('Frames', ('swap',)).on_click(self._on_swap)
         self._numbers = gui.add_html('')
         self._span = settings.control(
             gui.add_dropdown('Plot over', _BAG if feed.player else _LIVE))
@@ -67,10 +64,8 @@ class Pair:
         for choice, name in zip(self.choices, (a, b)):
             choice.choose(name)
 
-    async def _on_take(self, event: 'viser.GuiEvent[Any]') -> None:
-        (a, b), selected = self.frames, self._selected.value
-        self.choose(*{_AS_A: (selected, b), _AS_B: (a, selected), _SWAP: (b, a)}[
-            event.target.value])
+    async def _on_swap(self, _: Any) -> None:
+        self.choose(*self.frames[::-1])
 
     def update(self, end: int, now: float) -> None:
         """

@@ -93,7 +93,7 @@ class Panel:
             self.display = DisplayPanel(gui, settings)
             self._add_view_controls(gui)
         with tabs.add_tab('Pair'):
-            self.pair = Pair(gui, settings, feed, self.selected)
+            self.pair = Pair(gui, settings, feed)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
         self.overview = gui.add_html('', order=LAST)

@@ -57,7 +57,8 @@ class Scene:
         #: the scene: the position (m) and the yaw (rad).
         self._followed = '', False
         self._held = np.zeros(3), 0.0
-        self._axes: Any = None
+        self._axes = owner.scene.add_batched_axes(
+            f'{WORLD}/frames', np.eye(1, 4), np.zeros((1, 3)), np.zeros(1), visible=False)
         #: By name: the grid, lines to the parents, the line between a pair, pieces of the trail.
         self._segments: dict[str, viser.LineSegmentsHandle] = {}
         self._grid = _grid()
@@ -152,13 +153,10 @@ class Scene:
 
     def _show_axes(self, positions: Floats, wxyzs: Floats, scales: Floats, display: Display
                    ) -> None:
-        if not self._axes and len(positions):
-            self._axes = self._scene.add_batched_axes(f'{WORLD}/frames', wxyzs, positions, scales)
-        if self._axes:
+        self._axes.visible = display.with_axes and len(positions) > 0
+        if self._axes.visible:
             self._axes.axes_length = display.size
             self._axes.axes_radius = display.size * _AXIS_RADIUS
-            self._axes.visible = display.with_axes and len(positions) > 0
-        if self._axes and self._axes.visible:
             self._axes.batched_positions = positions.astype(np.float32)
             self._axes.batched_wxyzs = wxyzs.astype(np.float32)
             self._axes.batched_scales = scales.astype(np.float32)
@@ -166,8 +164,9 @@ class Scene:
     def _move_grid(self, followed: Optional[Floats]) -> None:
         """Keep the lines of the grid where they are, and a followed frame within its middle."""
         x, y, _ = (0.0, 0.0, 0.0) if followed is None else _CELL * np.round(followed / _CELL)
-        if (grid := self._segments.get('grid')) and (x, y, 0.0) != (*grid.position.tolist(),):
-            self._put(grid, (float(x), float(y), 0.0))
+        grid, place = self._segments.get('grid'), (float(x), float(y), 0.0)
+        if grid and grid.visible and place != (*grid.position.tolist(),):
+            self._put(grid, place)
 
     def _show_segments(self, name: str, points: Floats, colour: NDArray[Any], width: float,
                        are_visible: bool = True) -> None:
@@ -198,18 +197,18 @@ class Scene:
             if (depth > 0.0 and 0.0 <= x - left <= _LETTER * (len(text) + 2)
                     and 0.0 <= bottom - y <= 2 * _HALF_LINE):
                 return name
-        shown = display.shown(placement) if display.with_axes else ()
-        drawn = [i for i, name in enumerate(placement.names) if name in shown]
-        if not drawn:
+        positions, wxyzs, scales = axes(placement, display)
+        if not display.with_axes or not scales.any():
             return ''
-        turns = viser.transforms.SO3(placement.poses[drawn][:, [6, 3, 4, 5]]).as_matrix()
-        # (n, 3, k, 3): points along the axes.
-        along = turns.swapaxes(1, 2)[:, :, None] * np.linspace(0.0, display.size, 9)[:, None]
-        points = (placement.points[drawn][:, None, None] + along).reshape(-1, 3)
+        # (n, 3, 9, 3): points along the axes.
+        along = viser.transforms.SO3(wxyzs).as_matrix().swapaxes(1, 2)[:, :, None] * np.linspace(
+            0.0, display.size, 9)[:, None]
+        points = (positions[:, None, None] + along).reshape(-1, 3)
         *places, depths = _pixels(self.in_scene(points), camera).T
-        distances = np.where(depths > 0.0, np.hypot(places[0] - x, places[1] - y), np.inf)
+        distances = np.where((depths > 0.0) & np.repeat(scales > 0.0, 27),
+                             np.hypot(places[0] - x, places[1] - y), np.inf)
         best = int(distances.argmin())
-        return placement.names[drawn[best // 27]] if distances[best] <= _TARGET else ''
+        return placement.names[best // 27] if distances[best] <= _TARGET else ''
 
     def _show_names(self, placement: Placement, display: Display, selected: Collection[str]
                     ) -> None:

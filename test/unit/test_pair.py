@@ -14,7 +14,6 @@ pytest.importorskip('viser', reason='viser, which makes the page, is not install
 
 from viewer import Viewer
 
-from puretf_tools.view.controls import FrameChoice
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.server import serve
@@ -33,7 +32,7 @@ class Shown:
         self.now = 1000.0
         feed = Feed()
         feed.buffer = buffer
-        self.pair = Pair(server.gui, Settings(), feed, FrameChoice(server.gui, 'Frame'))
+        self.pair = Pair(server.gui, Settings(), feed)
         self.viewer = Viewer(server.get_port())
         self.viewer.until(lambda: len(self.plots()) == 2)
 
