@@ -1,6 +1,5 @@
 """The bodies of robots: the shapes of their descriptions, drawn at the frames of their links."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,7 +15,7 @@ from puretf_tools.robot.description import Description
 from puretf_tools.robot.shapes import Rgba, Shape
 from puretf_tools.view.axes_and_trail import Display, rounded
 from puretf_tools.view.feed import Descriptions
-from puretf_tools.view.meshes import Mesh, MeshError, Meshes, MissingMesh, REMEDY
+from puretf_tools.view.meshes import Mesh, MeshError, Meshes
 from puretf_tools.view.placement import Placement, REACH
 from puretf_tools.view.viser_private import WORLD
 
@@ -48,10 +47,8 @@ class _Robot:
         self.topic, self.description = topic, description
         self.names: list[str] = []  # the frames for which the prefix was found
         self.prefix, self.found = '', 0  # the number of links that have a frame
-        #: By a line for each mesh that cannot be drawn: ' of package …' or '' if its file is
-        #: missing, else None.
-        self.problems: dict[str, Optional[str]] = {}
-        self.not_drawn: dict[str, None] = {}  # the names of the files of these meshes
+        #: By a line for each mesh that cannot be drawn: the name of its file.
+        self.problems: dict[str, str] = {}
         self.sign: Any = None  # at the first body that is missing
         self.triangles = 0  # of the meshes that are drawn
         parts: dict[tuple[str, bool], _Part] = {}
@@ -68,18 +65,11 @@ class _Robot:
         found = (f'{description.name} on {self.topic}: {self.found} of {len(description.links)} '
                  'links have a frame')
         with_prefix = f', with the prefix {self.prefix}' * bool(self.prefix)
-        missing = Counter(self.problems.values())
-        return [found + with_prefix, *description.warnings, *(
-            f'{_meshes(count)}{package} {"is" if count == 1 else "are"} missing: {REMEDY}'
-            for package, count in missing.items() if package is not None)]
+        return [found + with_prefix, *description.warnings]
 
 
 #: A shape that is not drawn yet.
 _Waiting = tuple[_Robot, _Part, Shape]
-
-
-def _meshes(count: int) -> str:
-    return '1 mesh' if count == 1 else f'{count} meshes'
 
 
 class Body:
@@ -101,8 +91,7 @@ class Body:
         self._robots: dict[str, _Robot] = {}  # by topic
         # The name of a node must not depend on that of its link, which can have slashes.
         self._node_numbers = count()
-        #: How many meshes are drawn, or cannot be, and how many there are at the frames.
-        self._done = self._total = 0
+        self._progress: Sequence[str] = ()  # while there are meshes that are not drawn yet
         self._added = 0  # by the last update (bytes)
         self._opacity = 1.0
 
@@ -123,7 +112,7 @@ class Body:
                                 for each in part.drawn]:
                 handle.opacity = _opacity(own * display.opacity)
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
-        far, waiting, self._total = {*placement.far}, list[_Waiting](), 0
+        far, waiting, total = {*placement.far}, list[_Waiting](), 0
         poses = {name: row for name, row in zip(placement.names, rows) if name not in far}
         for robot in self._robots.values():
             if robot.names != placement.names:
@@ -137,16 +126,17 @@ class Body:
                 if is_on and frame in poses:
                     self._place(part, poses[frame])
                     waiting += [(robot, part, shape) for shape in part.shapes]
-                    self._total += part.meshes
+                    total += part.meshes
                 elif part.node:
                     part.node.visible = False
         self._add_some(waiting)
+        left = sum(shape.kind == 'mesh' for *_, shape in waiting)
+        self._progress = [f'meshes: {total - left} of {total}'] * (left > 0)
 
     def lines(self) -> tuple[list[str], list[str]]:
         """Return what the panel says of descriptions, and of each mesh that cannot be drawn."""
-        progress = [f'meshes: {self._done} of {self._total}'] * (self._done < self._total)
-        return progress + [line for topic, each in self._descriptions.items() for line in (
-            [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
+        return [*self._progress, *(line for topic, each in self._descriptions.items() for line in (
+            [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines()))], [
             line for robot in self._robots.values() for line in robot.problems]
 
     def _replace(self, descriptions: Descriptions) -> None:
@@ -175,7 +165,6 @@ class Body:
         found = [(self._meshes.get(shape.file) if shape.kind == 'mesh' else None, robot, part,
                   shape) for robot, part, shape in waiting]
         ready = [each for each in found if each[0] or each[3].kind != 'mesh']
-        self._done = self._total - sum(shape.kind == 'mesh' for *_, shape in waiting)
         left = self.at_a_time
         for mesh, robot, part, shape in sorted(ready, key=lambda each: _bytes(each[0])):
             if (size := _bytes(mesh)) > left and (
@@ -186,8 +175,8 @@ class Body:
         self._added = self.at_a_time - left
         for robot in {id(robot): robot for robot, *_ in waiting}.values():
             if robot.sign:
-                robot.sign.text = (f'{_meshes(len(robot.problems))} not drawn: '
-                                   f'{comma_list([*robot.not_drawn])}')
+                names = dict.fromkeys(robot.problems.values())
+                robot.sign.text = f'not drawn: {comma_list([*names])}'
 
     def _add(self, shape: Shape, mesh: Union[Mesh, MeshError, None], robot: _Robot, part: _Part
              ) -> None:
@@ -201,11 +190,8 @@ class Body:
                 mesh = MeshError(
                     f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes')
         if isinstance(mesh, MeshError):
-            scheme, _, name = shape.file.rpartition('://')
-            package = f' of package {name.partition("/")[0]}' * (scheme == 'package')
-            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = (
-                package if isinstance(mesh, MissingMesh) else None)
-            robot.not_drawn[visible(name.rpartition('/')[2])] = None
+            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = visible(
+                shape.file.rpartition('/')[2])
             robot.sign = robot.sign or self._scene.add_label(f'{part.node.name}/sign', '')
             kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
         red, green, blue, alpha = _COLLISION if part.is_collision else rgba

@@ -40,15 +40,11 @@ _LFS = b'version https://git-lfs.github.com/spec/'
 _REMEDY = 'simplify it, or export it again'
 #: The scheme, or '' of a relative path, and the rest. RFC 3986 has no colon at its beginning.
 _NAME = re.compile(r'(?:(package|file)://|(?![^/]*:|$))(.*)', re.DOTALL)
-REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
+_PASS = 'pass --meshes DIR, where DIR has the package or the file'
 
 
 class MeshError(Exception):
     """A mesh cannot be shown; the text says why, and what to do."""
-
-
-class MissingMesh(MeshError):
-    """The file of a mesh is not found."""
 
 
 class Mesh(NamedTuple):
@@ -125,13 +121,13 @@ class Meshes:
         allowed = [path for path in paths if any(
             directory in path.parents for directory in self._directories)]
         if paths and not allowed:
-            raise MeshError(f'it is not below a directory of the search path: {REMEDY}')
+            raise MeshError(f'it is not below a directory of the search path: {_PASS}')
         for path in allowed:
             if os.path.isfile(path):  # Path.is_file raises an error for a name that is too long
                 return path
         searched = ', '.join(map(str, self._directories))
-        raise MissingMesh(f'there is no such file below {searched}: {REMEDY}' if searched else
-                          f'there is no directory to search: {REMEDY}')
+        raise MeshError(f'there is no such file below {searched}: {_PASS}' if searched else
+                          f'there is no directory to search: {_PASS}')
 
 
 #: The program of the process, whose arguments are where modules are found.

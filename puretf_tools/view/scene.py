@@ -51,11 +51,9 @@ class Scene:
         #: Everything is drawn in this node; its yaw (rad) and its position in the scene (m).
         self._world = owner.scene.add_frame(WORLD, show_axes=False)
         self._yaw, self._shift = 0.0, np.zeros(3)
-        #: The fixed frame, and the origin of the last placement.
-        self._origin: tuple[str, Floats] = '', np.zeros(3)
-        #: The frame that the world follows, and whether with its yaw; where this frame stays in
-        #: the scene: the position (m) and the yaw (rad).
-        self._followed = '', False
+        #: The frame that stays where it is in the scene, whether it is followed, and with its yaw;
+        #: its position (m) and yaw (rad) there.
+        self._staying = '', False, False
         self._held = np.zeros(3), 0.0
         self._axes = owner.scene.add_batched_axes(
             f'{WORLD}/frames', np.eye(1, 4), np.zeros((1, 3)), np.zeros(1), visible=False)
@@ -130,23 +128,21 @@ class Scene:
         return self.in_scene(placement.points[[name in names for name in placement.names]])
 
     def _move_world(self, placement: Placement, follow: str, with_yaw: bool) -> None:
-        """Let a frame stay where it is in the scene; else, all frames, if the origin is new."""
-        fixed, origin = self._origin
-        self._origin = placement.fixed, placement.origin
-        is_new = fixed == placement.fixed and (placement.origin != origin).any()
-        if is_new:
-            self._shift = self.in_scene((placement.origin - origin)[None])[0]
-        if (point := placement.point(follow)) is not None:
+        """Let a frame stay where it is in the scene: one that is followed, or the fixed one."""
+        point, yaw = placement.point(follow) if follow else -placement.origin, 0.0
+        if point is None:
+            return
+        if follow and with_yaw:
             *_, yaw = euler_from_quaternion(
                 (*placement.poses[placement.names.index(follow), 3:].tolist(),))
-            if self._followed != (follow, with_yaw):
-                self._followed = follow, with_yaw
-                self._held = self.in_scene(point[None])[0], self._yaw + yaw
-            place, heading = self._held
-            if with_yaw:
-                self._yaw = heading - yaw
-            self._shift = self._shift + place - self.in_scene(point[None])[0]
-        if is_new or point is not None:
+        before, staying = (self._yaw, *self._shift), (
+            follow or placement.fixed, bool(follow), with_yaw)
+        if self._staying != staying:
+            self._staying, self._held = staying, (self.in_scene(point[None])[0], self._yaw + yaw)
+        place, heading = self._held
+        self._yaw = heading - yaw
+        self._shift = self._shift + place - self.in_scene(point[None])[0]
+        if before != (self._yaw, *self._shift):
             x, y, z = self._shift.tolist()
             turn = viser.transforms.SO3.from_z_radians(self._yaw)
             self._put(self._world, (x, y, z), (*turn.wxyz.tolist(),))
@@ -284,14 +280,10 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
     if not labels:
         return labels
     pixels = _pixels(in_scene(np.array([position for _, position in labels.values()])), camera)
-    with np.errstate(all='ignore'):
-        columns, rows = np.floor(pixels[:, 0] / _LETTER), np.floor(pixels[:, 1] / _HALF_LINE)
-    taken: set[tuple[float, float]] = set()
-    kept = {}
-    for (name, label), column, row, depth in zip(
-            labels.items(), columns.tolist(), rows.tolist(), pixels[:, 2].tolist()):
-        cells = {(column + i, row - j) for i in range(len(label[0]) + 2) for j in range(3)
-                 if depth > 0.0}  # none behind the camera
+    taken, kept = set[tuple[float, float]](), {}
+    for (name, label), (x, y, depth) in zip(labels.items(), pixels.tolist()):
+        cells = {(x // _LETTER + i, y // _HALF_LINE - j) for i in range(len(label[0]) + 2)
+                 for j in range(3) if depth > 0.0}  # none behind the camera
         if taken.isdisjoint(cells):
             taken |= cells
             kept[name] = label
