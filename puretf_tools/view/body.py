@@ -21,9 +21,6 @@ from puretf_tools.view.viser_private import WORLD
 
 #: The largest number of triangles of the meshes of a robot that are drawn.
 MAX_TRIANGLES = 5_000_000
-#: The least and the most that is added at a time (bytes): less if a viewer is slow.
-_LEAST, _MOST = 2**16, 2**24
-_QUICK = 0.5  # for an update (s)
 #: The side of the box in place of a mesh that is missing (m).
 _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
@@ -75,8 +72,8 @@ _Waiting = tuple[_Robot, _Part, Shape]
 class Body:
     """The bodies in the scene of one viewer or of all."""
 
-    #: How much one call of `show` adds (bytes), so that viewers do not wait.
-    at_a_time = _LEAST
+    #: How much one call of `show` adds (bytes): at 800 kbit/s, frames wait for a second.
+    at_a_time = 100_000
 
     def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object],
                  put: Callable[..., object]) -> None:
@@ -92,13 +89,7 @@ class Body:
         # The name of a node must not depend on that of its link, which can have slashes.
         self._node_numbers = count()
         self._progress: Sequence[str] = ()  # while there are meshes that are not drawn yet
-        self._added = 0  # by the last update (bytes)
         self._opacity = 1.0
-
-    def adapt(self, seconds: float) -> None:
-        """Add more or less at a time; `seconds`: how long the viewer took for the last update."""
-        factor = 2.0 if seconds < _QUICK else 0.5 if seconds > 2 * _QUICK else 1.0
-        self.at_a_time = min(max(_LEAST, round(self._added * factor)), _MOST)
 
     def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
         """Draw the bodies at the frames."""
@@ -172,7 +163,6 @@ class Body:
                 break
             left -= size
             self._add(shape, mesh, robot, part)
-        self._added = self.at_a_time - left
         for robot in {id(robot): robot for robot, *_ in waiting}.values():
             if robot.sign:
                 names = dict.fromkeys(robot.problems.values())

@@ -151,7 +151,7 @@ def load(path: Path, seconds: int = _SECONDS) -> Mesh:
         try:
             _process.stdin.write(json.dumps([str(path), seconds]).encode() + b'\n')
             _process.stdin.flush()
-            found = pickle.load(_process.stdout)
+            found: Union[Mesh, MeshError] = pickle.load(_process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
             _process.kill()
             _process.communicate()
@@ -159,9 +159,9 @@ def load(path: Path, seconds: int = _SECONDS) -> Mesh:
             why = f'takes more than {seconds} s' if code == -getattr(signal, 'SIGALRM', 0) else (
                 f'ends the process that loads it ({code})')
             raise MeshError(f'it {why}: {_REMEDY}') from None
-    if isinstance(found, str):
-        raise MeshError(found)
-    return Mesh(*found)
+    if isinstance(found, MeshError):
+        raise found
+    return found
 
 
 def end() -> None:
@@ -187,11 +187,11 @@ def serve() -> None:
         path, seconds = json.loads(line)
         alarm(seconds)  # which ends this process
         try:
-            found: Any = tuple(_load(Path(path)))
+            found: Union[Mesh, MeshError] = _load(Path(path))
         except MeshError as error:
-            found = str(error)
+            found = error
         except MemoryError:
-            found = f'it takes more than {_MEMORY // 2**30} GB: {_REMEDY}'
+            found = MeshError(f'it takes more than {_MEMORY // 2**30} GB: {_REMEDY}')
         alarm(0)
         pickle.dump(found, output)
         output.flush()

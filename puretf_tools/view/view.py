@@ -211,7 +211,6 @@ class Viewer:
             raise self.pace.error
         if self._shown is None:
             self._restore()
-        self._scene.body.adapt(self.pace.seconds)
         width, height, *click = self.pace.page
         self._client.camera.page_size = width, height
         if click != self._click:
@@ -305,7 +304,6 @@ class Pace:
         self.panels: Optional[str] = None
         self.page = [0.0, 0.0, 0.0, 0.0]  #: what head.html says; see there
         self.is_blocked = False  #: True if the browser stores nothing
-        self.seconds = 1.0  #: how long the browser took for the last update; at first, a guess
         self.is_waiting = True  #: True until the last update has been handled
         self.error: Optional[Exception] = None  #: what has ended the thread
         Thread(target=self._work, daemon=True).start()
@@ -339,10 +337,8 @@ class Pace:
                 self.is_blocked = True
             self.is_waiting = False
             while move := self._moves.get():
-                start = monotonic()
                 with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
                     self._note(get(PAGE))
-                self.seconds = monotonic() - start
                 move()
                 self.is_waiting = False
         except Exception as error:

@@ -297,8 +297,8 @@ def test_a_mesh(page, tmp_path):
 
 def test_large_meshes_come_last(page, tmp_path, monkeypatch):
     """One at a time, so that frames are not late; meanwhile the page says how many are there."""
-    from puretf_tools.view import body as body_module
-    monkeypatch.setattr(body_module, '_MOST', 2**16)  # bytes; a triangle has 48
+    from puretf_tools.view.body import Body
+    monkeypatch.setattr(Body, 'at_a_time', 50_000)  # bytes; a triangle has 48
     sizes = 5000, 2000, 3000, 1
     for size in sizes:
         corners = np.arange(9.0 * size).reshape(size, 3, 3)
