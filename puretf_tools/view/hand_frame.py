@@ -15,8 +15,9 @@ from puretf_tools.view.controls import change, Choice, copied, FrameChoice, html
 from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import HandPublisher
 from puretf_tools.view.placement import Placement, REACH
-from puretf_tools.view.viser_private import HANDLES, Vector
+from puretf_tools.view.viser_private import HANDLES
 
+Vector = tuple[float, float, float]
 #: The size of the handles (m).
 _SIZE = 0.3
 #: Numbers are rounded to these digits: 1 mm, 0.01°.

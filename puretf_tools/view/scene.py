@@ -19,7 +19,7 @@ from puretf_tools.view.camera import page_size
 from puretf_tools.view.feed import Descriptions, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.placement import Floats, Placement
-from puretf_tools.view.viser_private import Move, set_pose, Vector, WORLD, Wxyz
+from puretf_tools.view.viser_private import set_pose, WORLD
 
 #: If there are more frames, their names are not shown until a viewer wants them.
 MOST_NAMES = 50
@@ -64,7 +64,7 @@ class Scene:
         #: another frame: a slow browser would show it with the old text for a moment.
         self._labels: dict[str, viser.LabelHandle] = {}
         self._label_numbers = count()
-        self._moves: list[Move] = []
+        self._moves: list[tuple[Any, ...]] = []
         #: The last placement, how it was drawn, and the labels, for clicks.
         self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
         #: The frame that was clicked last, until somebody takes it; and with the key Shift.
@@ -102,8 +102,7 @@ class Scene:
             self._show_trail(trail, background)
             self.body.show(descriptions, placement, display)
 
-    def _put(self, node: viser.SceneNodeHandle, position: Vector,
-             wxyz: Optional[Wxyz] = None) -> None:
+    def _put(self, node: viser.SceneNodeHandle, position: Any, wxyz: Any = None) -> None:
         """Let `move` set the pose of a node; if it is not visible yet, show it there at once."""
         if node.visible:
             self._moves.append((node, position, wxyz))

@@ -16,8 +16,8 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
 - `push` of a message buffer sets its `message_event` outside of the event loop, too: if the loop
   just begins to wait for it, nothing wakes it later. `push` and `atomic_end` let the loop set it,
   too.
-- The page has '<title>Viser</title>' in its head, before its code. head.html changes its shaders
-  of labels.
+- The page, its only file, has '<title>Viser</title>' in its head, before its code. head.html
+  changes its shaders of labels.
 - additions.html names controls by their classes, finds the panels by attributes `data-dock-…`,
   and stores what it measures under keys that begin with `viser-user:`.
 """
@@ -34,7 +34,7 @@ from math import hypot, inf, isclose, isfinite
 from pathlib import Path
 import socket
 from time import monotonic
-from typing import Any, Optional, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 import warnings
 
 from puretf._text.names import abbreviated, visible
@@ -77,11 +77,6 @@ _TOLERANCE = 1e-3
 #: the panels.
 PAGE, PANELS = 'page', 'panels'
 
-Vector = tuple[float, float, float]
-Wxyz = tuple[float, float, float, float]
-#: The arguments of `set_pose`.
-Move = tuple[viser.SceneNodeHandle, Vector, Optional[Wxyz]]
-
 #: What the page has in addition, before viser's own code.
 _HEAD = (Path(__file__).parent / 'head.html').read_text()
 _SERVE = websockets.asyncio.server.serve
@@ -122,7 +117,7 @@ class Server(viser.ViserServer):
             if why := self._why_refused(request.headers):
                 return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
             response = process_request(connection, request)
-            if response and 'html' in response.headers.get('Content-Type', ''):
+            if response and response.headers.get('Content-Encoding') == 'gzip':
                 response.body = _packed(response.body, self.title)
                 del response.headers['Content-Length']
                 response.headers['Content-Length'] = str(len(response.body))
@@ -187,10 +182,7 @@ class _LoopEvent(asyncio.Event):
 
 @lru_cache(1)
 def _packed(page: bytes, title: str) -> bytes:
-    """Give the page a head; a client that takes no gzip gets viser's own page."""
-    with suppress(gzip.BadGzipFile):
-        return gzip.compress(with_head(gzip.decompress(page).decode(), title).encode())
-    return page
+    return gzip.compress(with_head(gzip.decompress(page).decode(), title).encode())
 
 
 def with_head(page: str, title: str) -> str:
@@ -203,9 +195,8 @@ def receive_at_once(client: viser.ClientHandle) -> None:
     client._websock_connection.get_message_buffer().max_window_size = _LARGEST_UPDATE
 
 
-def set_pose(node: viser.SceneNodeHandle, position: Vector, wxyz: Optional[Wxyz] = None
-             ) -> None:
-    """Set the position (m) of a node, and its rotation if one is given."""
+def set_pose(node: viser.SceneNodeHandle, position: Any, wxyz: Any = None) -> None:
+    """Set the position (m) of a node, and its rotation if one is given: tuples of floats."""
     queue = node._impl.api._queue_scene_message
     node._impl.position[:] = position
     queue(SetPositionMessage(node.name, position))

@@ -2,9 +2,11 @@
 
 import asyncio
 from contextlib import closing
+import gzip
 import inspect
 from pathlib import Path
 import re
+from urllib.request import Request, urlopen
 
 import pytest
 from viewer import recorded, Viewer
@@ -107,6 +109,22 @@ def test_the_head_of_the_page():
     assert 'reg[uuid] = { chart, ' in plot
     assert 'localStorage.getItem(LOCAL_STORAGE_PREFIX + message.key)' in messages
     assert 'id: "webgl-software-rendering"' in warning
+
+
+def test_the_page_that_is_served():
+    """It is compressed, and has our head; a client that takes no gzip gets viser's page."""
+    from puretf_tools.view.server import serve
+    page = (CLIENT / 'build' / 'index.html').read_bytes()
+    with serve('127.0.0.1') as server:
+        server.title = '/tf'
+        for headers in {}, {'Accept-Encoding': 'gzip'}:
+            with urlopen(Request(f'http://127.0.0.1:{server.get_port()}', headers=headers)
+                         ) as answer:
+                body = answer.read()
+            if headers:
+                assert b'<title>TF: /tf</title>' in gzip.decompress(body)
+            else:
+                assert body == page
 
 
 def test_serve_takes_what_guards_it():
