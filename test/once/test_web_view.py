@@ -33,8 +33,6 @@ def test_the_body_of_the_arm_in_a_browser(start, browse, tmp_path):
             np.linalg.norm(scene.begins[0] - body, axis=1).min() < 1e-4 for body in scene.bodies)
 
     page.until(stand_at_frames)
-    page.open_tab('Display')
-    page.tick('Lines to parents', False)  # they are orange, too
     page.open_tab('Robot')
     page.until(lambda: 'dummy_arm on /robot_description: 5 of 5 links have a frame' in
                page.page.inner_text('[data-text="robot"]'))
