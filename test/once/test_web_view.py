@@ -106,6 +106,7 @@ def test_a_file_that_plays_without_a_server(start, browse, tmp_path):
     page.until(lambda: len(page.scene().bodies) == 5)
     page.page.screenshot(path=tmp_path / 'web_view_export.png')
     assert page.hosts <= {None, ''}
+    assert page.page.title() == 'TF: /tf and /tf_static'
 
 
 #: A robot of 30 frames, whose names are below each other.
