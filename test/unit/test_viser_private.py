@@ -102,8 +102,10 @@ def test_the_head_of_the_page():
         (CLIENT / 'src' / path).read_text() for path in (
             'label/LabelRenderer.tsx', 'components/UplotComponent.tsx', 'MessageHandler.tsx',
             'BrowserWarning.tsx'))
-    changes = viser_private._HEAD.split('changes = [')[1].split('];')[0]
-    for before in re.findall(r"\['(.*?)',", changes):
+    changes = viser_private._HEAD.split('const box = ')[1].split('wrap(')[0]
+    found = re.findall(r"\['(.*?)',", changes)
+    assert len(found) == 4
+    for before in found:
         assert labels.count(before) == 1
     assert '(w.__viserTestpoints ??= {})' in plot
     assert 'reg[uuid] = { chart, ' in plot
