@@ -141,7 +141,7 @@ class Scene:
         place, heading = self._held
         self._yaw = heading - yaw
         self._shift = self._shift + place - self.in_scene(point[None])[0]
-        if before != (self._yaw, *self._shift):
+        if follow or before != (self._yaw, *self._shift):
             x, y, z = self._shift.tolist()
             turn = viser.transforms.SO3.from_z_radians(self._yaw)
             self._put(self._world, (x, y, z), (*turn.wxyz.tolist(),))
