@@ -78,6 +78,7 @@ def comma_list(texts: Sequence[str], write: Callable[[str], str] = str, shown: i
 SECTIONS = {
     'future': 'Extrapolation into the future',
     'past': 'Extrapolation into the past',
+    'gap': 'A gap in the data',
     'one_time': 'Only one time is in the buffer',
     'missing_frame': 'A frame does not exist',
     'two_trees': 'Two unconnected trees',

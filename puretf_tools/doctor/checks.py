@@ -702,7 +702,7 @@ def _last_stamps(observation: Observation) -> dict[str, list[int]]:
 
 
 @_check('gap', 'Look at the node that publishes the frame: has it stopped, is it busy, does it '
-        'lose input, or does it publish only when something happens?', 'future', severity=WARNING)
+        'lose input, or does it publish only when something happens?', 'gap', severity=WARNING)
 def _gap(observation: Observation) -> Iterator[_Fault]:
     """Find gaps between stamps (more than 3 periods), and frames that have ended."""
     gaps = {track: found for track, found, is_busy in observation.gaps if not is_busy}
@@ -752,7 +752,7 @@ def _ended(observation: Observation) -> set[Track]:
 
 
 @_check('listener_busy', 'If nobody has paused it, look at the load and at the network of the '
-        'computer that listens.', 'future', severity=INFO, explains=('gap',))
+        'computer that listens.', 'gap', severity=INFO, explains=('gap',))
 def _listener_busy(observation: Observation) -> Iterator[_Fault]:
     """Find that this program ran late, or that all nodes were silent at the same time."""
     paused = {track: track.stream.longest(gaps)

@@ -88,26 +88,32 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
                   visible(verdict), observation.clock_text)
 
 
-def examine_bag(bag: Paths, *, ignore: Collection[str] = (), **options: Any) -> dict[str, Any]:
+def examine_bag(bag: Paths, *, name: str = '', ignore: Collection[str] = (), **options: Any
+                ) -> dict[str, Any]:
     """
     Examine one of many bags as `examine` does; this function and its result can be pickled.
 
     :param bag: the path of the bag, or the paths of its files.
+    :param name: how texts call it, such as the address of a copy; '': by its path.
     :param options: the other arguments of `puretf.bag.open`.
-    :returns: plain values: 'bag', the path of its directory or first file, and the items of
-        `Report`; or, if the bag cannot be read, 'bag' and 'error', the text that says why.
+    :returns: plain values: 'bag', its name, or the path of its directory or first file, and the
+        items of `Report`; or, if the bag cannot be read, 'bag' and 'error', the text that says
+        why.
     :raises ValueError: if a code is unknown.
     """
     check_codes(ignore)
     paths = [bag] if isinstance(bag, (str, os.PathLike)) else [*bag]
-    name = str(paths[0]) if paths else ''
+    path = str(paths[0]) if paths else ''
     try:
         with open_bag(paths, **options) as opened:
-            return {'bag': name, **examine(opened, ignore=ignore).as_dict()}
+            found = examine(opened, ignore=ignore).as_dict()
     except OSError as error:
-        return {'bag': name, 'error': f'cannot read {name}: {error.strerror or error}'}
+        found = {'error': f'cannot read {path}: {error.strerror or error}'}
     except Exception as error:  # whatever is wrong with one bag, the others are examined
-        return {'bag': name, 'error': str(error) or type(error).__name__}
+        found = {'error': str(error) or type(error).__name__}
+    text = 'error' if 'error' in found else 'verdict'
+    return {'bag': name or path, **found,
+            text: found[text].replace(path, name) if name and path else found[text]}
 
 
 def check_codes(codes: Collection[str]) -> None:
