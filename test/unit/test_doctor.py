@@ -207,6 +207,9 @@ CASES = {
         {'time_goes_back'}),
     'stamps of 0 at the beginning': (
         robot(change=lambda i: {'stamp': 0} if i < 3 else {}), {'zero_stamp'}),
+    'two stamps of 0 in one run of a simulation': (
+        [tf(i, 'map odom', stamp=max(0, i - 1) * 20 * MS, x=0.0) for i in range(100)],
+        {'zero_stamp'}),
     'a root with another number': ([*robot(), static('map2 lamp')], {'several_trees'}),
     'another robot in a namespace': (
         [*robot(), *((f'/robot2{topic}', *rest) for topic, *rest in [static('odom2 gripper')]),
