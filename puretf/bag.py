@@ -113,7 +113,7 @@ class Bag(AbstractContextManager['Bag']):
             recording = resolved(found[0])
         except ImportError as error:
             raise BagError(f'a library that reads bags cannot be imported ({error}): '
-                           'pip install rosbags') from None
+                           'pip install rosbags mcap') from None
         if recording.warning:
             _log.warning(recording.warning)
         self.path = recording.path  #: the directory, or the first file that was given

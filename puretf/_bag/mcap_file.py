@@ -1,278 +1,157 @@
 """
-The messages of an mcap file, with or without its index.
+The messages of an mcap file, read by the library mcap.
 
-The records of the file are visited once; chunks, whose messages are counted behind them, are read
-afterwards if they have messages that are wanted. See https://mcap.dev/spec.
-
-A chunk is skipped by what the checksum of the summary covers: the chunk index. Without this, a
-chunk with a checksum is read, and only one without is skipped by the message indexes behind it.
+By the index in the summary, chunks without messages that are read are skipped; the statistics
+beside it tell whether a message is missing. Without an index, all is read in the order of the
+file. An index without a checksum is not used if chunks have one.
 """
 
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator
-from itertools import accumulate
-from operator import itemgetter
+from contextlib import suppress
+from operator import attrgetter, itemgetter
 from pathlib import Path
 import struct
-from struct import iter_unpack, Struct
-from typing import BinaryIO, NamedTuple, Optional
+from typing import Any, BinaryIO, Optional
 from zlib import crc32
 
+from mcap.exceptions import EndOfFile
+from mcap.reader import FOOTER_SIZE, SeekingReader
+from mcap.records import Channel, Chunk, Footer, Message, Schema, Statistics
+from mcap.stream_reader import breakup_chunk, MAGIC_SIZE, StreamReader
+
 from puretf._bag.contents import Contents, Record, Topic
-from puretf._bag.unpacking import DECOMPRESSORS, Item, TICK, too_large
+from puretf._bag.unpacking import DECOMPRESSORS, Item, too_large
 
-_MAGIC = b'\x89MCAP0\r\n'
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX, _CHUNK_INDEX, _STATISTICS = (
-    2, 3, 4, 5, 6, 7, 8, 11)
-#: The begin of a record, of a message, and of a chunk: begin, end, size, checksum, and the length
-#: of the name of its compression; of a chunk index: begin, end, place, length, and the size of its
-#: channels with their places; of statistics: the size of the channels with their numbers of
-#: messages.
-_RECORD, _HEAD, _CHUNK_HEAD, _CHUNK_INDEX_HEAD, _STATISTICS_HEAD = map(
-    Struct, ('<BQ', '<HIqq', '<qqQII', '<qqQQI', '<42xI'))
-#: The begin of a message index: the channel and the size of its entries; a schema or channel: its
-#: number and that of its schema; the length of a text.
-_INDEX_HEAD, _NUMBERS, _LENGTH = map(Struct, ('<HI', '<HH', '<I'))
-#: The last record of a file, and the magic behind it: kind, length, begin of the summary, begin of
-#: its offsets, checksum.
-_END = Struct('<BQQQI8s')
-_LATEST = 2**63  # ns
-_time = itemgetter(1)
-
-
-class _Chunk(NamedTuple):
-    """Where a chunk is in the file, when it begins and ends (ns), and its messages by channel."""
-
-    at: int
-    length: int
-    begin: int
-    end: int
-    has_checksum: bool
-    counts: dict[int, int]
+_END_SIZE, _CHECKSUM_SIZE = FOOTER_SIZE + MAGIC_SIZE, 4
+_begin, _time = attrgetter('message_start_time'), itemgetter(1)
 
 
 class McapFile:
-    """The definitions and chunks that have been found in a file."""
+    """The definitions and the numbers of messages that have been found in a file."""
 
     def __init__(self, path: Path, contents: Contents) -> None:
         self._path, self._contents, self._size = path, contents, path.stat().st_size
-        self._damage = len(contents.damage)  # of other files
-        self._schemas = {0: ('', '')}  # the name and the definition
+        self._schemas = {0: Schema(0, b'', '', '')}
         self._topics: dict[int, Topic] = {}  # by channel
-        self._chunks: list[_Chunk] = []
-        #: By the place of a chunk: its length, begin, end and channels, by the chunk index.
-        self._index: dict[int, tuple[int, int, int, frozenset[int]]] = {}
-        #: Where the summary begins, if its checksum is right.
-        self._summary_at: Optional[int] = None
-        #: The numbers of messages by channel: by the statistics, and those that were found.
-        self._announced, self._counts = Counter[int](), Counter[int]()
+        #: The numbers of messages by channel: those that were found, and by the statistics.
+        self._counts = self._announced = Counter[int]()
 
     def records(self) -> Iterator[Item]:
-        """Yield the messages that are read, in the order of time if they are in chunks."""
+        """Yield the messages that are read, in the order of time if there is an index."""
         with self._path.open('rb') as file:
-            for items in self._in_summary(file), self._in_data(file), self._in_chunks(file):
-                try:
-                    yield from items
-                except Exception as error:
-                    self._contents.add_damage(error)
+            summary = None
+            try:
+                summary = self._summary(file)
+            except Exception as error:
+                self._contents.add_damage(error)
+            yield from self._by_index(file, summary) if summary else self._in_order(file)
+        for number in self._counts | self._announced:
+            announced, count = self._announced[number], self._counts[number]
+            if not (topic := self._topics.get(number)):
+                raise ValueError('a message has no channel')
+            if topic.is_read and announced != count:
+                raise ValueError(f'its statistics announce {announced} messages of {topic.name}, '
+                                 f'but {count} were found')
 
-    def _in_summary(self, file: BinaryIO) -> Iterator[Item]:
-        at = self._size - _END.size
-        file.seek(max(0, at))
-        kind, _, start, _, checksum, magic = _END.unpack(
-            file.read(_END.size).rjust(_END.size, b'\0'))
-        if kind != _FOOTER or magic != _MAGIC or not checksum:
-            return
-        start = start or at  # there is only a footer
-        file.seek(min(start, at))
-        if crc32(self._read(file, max(0, self._size - 12 - start), 'the summary')) != checksum:
+    def _summary(self, file: BinaryIO) -> Any:
+        """Check the summary; return it if its index can be used."""
+        end, footer, limit = self._size - _END_SIZE, None, self._contents.max_bytes
+        with suppress(Exception):
+            footer = next(self._records(file, end))
+        if not isinstance(footer, Footer):
+            return None
+        file.seek(start := min(footer.summary_start or end, end))
+        if (size := self._size - start) > limit:
+            raise too_large('the summary', f'{size}', limit)
+        if footer.summary_crc not in (0, crc32(file.read(size - _CHECKSUM_SIZE - MAGIC_SIZE))):
             raise ValueError('the checksum of its summary is wrong')
-        yield from self._items(file, start, self._size)
-        self._summary_at = start
+        file.seek(0)
+        found = SeekingReader(file).get_summary()
+        if not (found and found.statistics and found.chunk_indexes
+                and found.statistics.channel_message_counts.keys() <= found.channels.keys()
+                and {each.schema_id for each in found.channels.values()} <= {0, *found.schemas}
+                and all(each.message_index_offsets for each in found.chunk_indexes)):
+            return None
+        chunk = next(self._records(file, found.chunk_indexes[0].chunk_start_offset))
+        return found if footer.summary_crc or not chunk.uncompressed_crc else None
 
-    def _in_data(self, file: BinaryIO) -> Iterator[Item]:
-        """Yield the messages that are not in chunks; find the chunks."""
-        yield from self._items(file, 8, self._summary_at or self._size)
-        if self._summary_at is None:
-            if self._contents.damage[self._damage:]:
-                self._topics.clear()  # which may be wrong; chunks repeat them
-        elif self._index and self._index != {
-                chunk.at: (*chunk[1:4], frozenset(chunk.counts)) for chunk in self._chunks}:
-            self._index.clear()
-            raise ValueError('its chunks, or the message indexes behind them, are not as the '
-                             'chunk index in its summary says')
-
-    def _items(self, file: BinaryIO, at: int, end: int) -> Iterator[Item]:
-        """Yield the messages that are read and not in chunks; note definitions and chunks."""
-        kind = number = 0
-        while kind != _FOOTER and (at < end or end == self._size):
-            file.seek(at)
-            kind, length = _RECORD.unpack(file.read(_RECORD.size).ljust(_RECORD.size, b'\0'))
-            begin, at = at + _RECORD.size, at + _RECORD.size + length
-            if not kind or at > end:
-                raise EOFError('it ends too early')
-            try:
-                if kind == _MESSAGE:
-                    found, span = self._messages(
-                        _RECORD.pack(kind, length) + self._read(file, length))
-                    self._contents.add_span(*span)
-                    yield from found
-                elif kind == _CHUNK:
-                    first, last, _, checksum, _ = _CHUNK_HEAD.unpack(
-                        file.read(min(length, _CHUNK_HEAD.size)))
-                    self._chunks.append(_Chunk(begin, length, first, last, checksum > 0, {}))
-                elif kind == _INDEX:
-                    channel, size = _INDEX_HEAD.unpack(file.read(min(length, _INDEX_HEAD.size)))
-                    if size > length - _INDEX_HEAD.size or size % 16 or not self._chunks:
-                        raise struct.error
-                    self._chunks[-1].counts[channel] = size // 16
-                elif kind in (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS):
-                    self._define(kind, self._read(file, length))
-            except struct.error:
-                raise _too_short(length) from None
-            number += 1
-            if number % TICK == 0:
-                yield at / self._size
-
-    def _read(self, file: BinaryIO, size: int, what: str = 'a record') -> bytes:
-        if size > (limit := self._contents.max_bytes):
-            raise too_large(what, f'{size}', limit)
-        return file.read(size)
-
-    def _define(self, kind: int, data: bytes) -> None:
-        """Note a schema, a channel, a chunk index or statistics."""
-        if kind == _CHUNK_INDEX:
-            begin, end, at, length, size = _CHUNK_INDEX_HEAD.unpack_from(data)
-            self._index[at + _RECORD.size] = (
-                length - _RECORD.size, begin, end,
-                frozenset(_map(data, _CHUNK_INDEX_HEAD.size, size)))
-        elif kind == _STATISTICS:
-            (size,) = _STATISTICS_HEAD.unpack_from(data)
-            self._announced = Counter(_map(data, _STATISTICS_HEAD.size, size))
-        else:
-            number, schema = _NUMBERS.unpack_from(data)
-            if kind == _SCHEMA:
-                name, _, definition = _texts(data, 2)
-                self._schemas[number] = name, definition
-            elif number not in self._topics and schema in self._schemas:
-                name, encoding, qos = _texts(data, 4)  # qos: a map of texts
-                self._topics[number] = self._contents.topic(
-                    name, *self._schemas[schema], encoding, qos)
-
-    def _in_chunks(self, file: BinaryIO) -> Iterator[Item]:
-        """Yield the messages in chunks in the order of time."""
-        # By chunk: the earliest begin of all later ones.
-        begins = [*accumulate((chunk.begin or _LATEST for chunk in reversed(self._chunks)),
-                              min, initial=_LATEST)][-2::-1]
+    def _by_index(self, file: BinaryIO, summary: Any) -> Iterator[Item]:
+        """Yield the messages that are read, in the order of time."""
+        about = summary.statistics
+        for record in *summary.schemas.values(), *summary.channels.values(), about:
+            self._found(record)
+        self._contents.add_span(about.message_start_time, about.message_end_time)
+        chunks = sorted((each for each in summary.chunk_indexes if any(
+            self._topics[number].is_read for number in each.message_index_offsets)), key=_begin)
         waiting: list[Record] = []
-        for chunk, next_begin in zip(self._chunks, begins):
+        for number, chunk in enumerate(chunks):
+            ready = bisect_left(waiting, _begin(chunk), key=_time)
+            yield from waiting[:ready]
+            yield number / len(chunks)
+            del waiting[:ready]
             try:
-                if not self._is_skipped(chunk):
-                    self._read_chunk(chunk, file, waiting)
+                found = self._parts(next(self._records(file, chunk.chunk_start_offset)))
+                waiting += filter(None, map(self._found, found))
             except Exception as error:
                 self._contents.add_damage(error)
             waiting.sort(key=_time)
-            ready = bisect_left(waiting, next_begin, key=_time)
-            yield from waiting[:ready]
-            del waiting[:ready]
-            yield (chunk.at + chunk.length) / self._size
-        if self._announced and self._announced != self._counts and (
-                len(self._contents.damage) == self._damage):
-            raise ValueError(
-                f'its statistics announce {self._announced.total()} messages, but '
-                f'{self._counts.total()} were found, or others of a channel')
+        yield from waiting
+        for number, topic in self._topics.items():
+            topic.count += 0 if topic.is_read else self._announced[number] - self._counts[number]
 
-    def _is_skipped(self, chunk: _Chunk) -> bool:
-        """Return True if it is known that no message of a chunk is read; count its messages."""
-        is_known = not chunk.has_checksum if self._summary_at is None else chunk.at in self._index
-        topics = [self._topics.get(channel) for channel in chunk.counts]
-        if not is_known or not topics or any(topic is None or topic.is_read for topic in topics):
-            return False
-        self._contents.add_span(chunk.begin, chunk.end)
-        self._count(chunk.counts)
-        return True
+    def _in_order(self, file: BinaryIO) -> Iterator[Item]:
+        """Yield the messages that are read, in the order of the file."""
+        for record in self._records(file, MAGIC_SIZE):
+            try:
+                yield from filter(None, map(self._found, self._parts(record)))
+            except Exception as error:
+                self._contents.add_damage(error)
+            yield file.tell() / self._size
 
-    def _count(self, counts: dict[int, int]) -> None:
-        self._counts.update(counts)
-        for channel, count in counts.items():
-            if topic := self._topics.get(channel):
-                topic.count += count
+    def _found(self, record: Any) -> Optional[Record]:
+        """Return a message if it is read; note other records."""
+        if isinstance(record, Message):
+            self._counts[record.channel_id] += 1
+            self._contents.add_span(record.log_time, record.log_time)
+            if topic := self._topics.get(record.channel_id):
+                topic.count += 1
+                if topic.is_read:
+                    return topic, record.log_time, record.data
+        elif isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel) and record.id not in self._topics and (
+                schema := self._schemas.get(record.schema_id)):
+            self._topics[record.id] = self._contents.topic(
+                record.topic, schema.name, schema.data.decode(errors='replace'),
+                record.message_encoding, record.metadata.get('offered_qos_profiles', ''))
+        elif isinstance(record, Statistics):
+            self._announced = Counter(record.channel_message_counts)
+        return None
 
-    def _read_chunk(self, chunk: _Chunk, file: BinaryIO, waiting: list[Record]) -> None:
-        found, span = self._messages(self._content(chunk, file))
-        waiting += found
-        self._contents.add_span(*span)
-        if (self._summary_at is not None or chunk.has_checksum) and (
-                chunk.begin, chunk.end) not in (span, (0, 0)):
-            raise ValueError('the times in the head of a chunk are not those of its messages')
-
-    def _messages(self, data: bytes) -> tuple[list[Record], tuple[int, int]]:
-        """Count the messages among records; return those that are read, and the span of all."""
-        found, channels, times = list[Record](), list[int](), list[int]()
-        at = kind = length = 0
-        try:
-            while at <= len(data) - _RECORD.size:
-                kind, length = _RECORD.unpack_from(data, at)
-                begin = at + _RECORD.size
-                at = begin + length
-                if not kind or at > len(data):
-                    break
-                if kind == _MESSAGE:
-                    if length < _HEAD.size:
-                        raise struct.error
-                    channel, _, time, _ = _HEAD.unpack_from(data, begin)
-                    channels.append(channel)
-                    times.append(time)
-                    topic = self._topics.get(channel)
-                    if topic and topic.is_read:
-                        found.append((topic, time, data[begin + _HEAD.size:at]))
-                elif kind in (_SCHEMA, _CHANNEL):
-                    self._define(kind, data[begin:at])
-        except struct.error:
-            raise _too_short(length) from None
-        if at != len(data) or (data and not kind):
-            raise EOFError('a chunk ends too early')
-        counts = Counter(channels)
-        self._count(counts)
-        if counts.keys() - self._topics.keys():
-            self._contents.add_damage(ValueError('a message has no channel'))
-        return found, (min(times), max(times)) if times else (0, 0)
-
-    def _content(self, chunk: _Chunk, file: BinaryIO) -> bytes:
-        file.seek(chunk.at)
-        _, _, size, checksum, named = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
-        if max(size, chunk.length) > (limit := self._contents.max_bytes):
-            raise too_large(f'a chunk of {chunk.length} bytes', f'{size}', limit)
-        left = chunk.length - _CHUNK_HEAD.size - 8
-        method = file.read(max(0, min(named, left)))
-        length = int.from_bytes(file.read(8), 'little')
-        if named + length > left:
-            raise _too_short(chunk.length)
-        data = file.read(length)
-        if method in DECOMPRESSORS:
-            data = DECOMPRESSORS[method]().decompress(data, size)
-        if len(data) != size or (checksum and crc32(data) != checksum):
+    def _parts(self, record: Any) -> Any:
+        """Return the records in a chunk, or another record."""
+        if not isinstance(record, Chunk):
+            return [record]
+        size, limit, data = record.uncompressed_size, self._contents.max_bytes, record.data
+        if size > limit:
+            raise too_large(f'a chunk of {len(data)} bytes', f'{size}', limit)
+        if method := DECOMPRESSORS.get(record.compression):
+            data = method().decompress(data, size)
+        if len(data) != size or record.uncompressed_crc not in (0, crc32(data)):
             raise ValueError('the size or the checksum of a chunk is wrong')
-        return data
+        try:
+            record.compression, record.data = '', data
+            return breakup_chunk(record)
+        except (EndOfFile, ValueError, struct.error):
+            raise ValueError('a record in a chunk is damaged') from None
 
-
-def _too_short(length: int) -> ValueError:
-    return ValueError(f'a record of {length} bytes is shorter than its fields')
-
-
-def _map(data: bytes, at: int, size: int) -> dict[int, int]:
-    if size > len(data) - at or size % 10:
-        raise struct.error
-    return dict(iter_unpack('<HQ', data[at:at + size]))
-
-
-def _texts(data: bytes, at: int) -> list[str]:
-    texts = []
-    for _ in range(3):
-        (size,) = _LENGTH.unpack_from(data, at)
-        begin, at = at + _LENGTH.size, at + _LENGTH.size + size
-        if at > len(data):
-            raise struct.error
-        texts.append(data[begin:at].decode(errors='replace'))
-    return texts
+    def _records(self, file: BinaryIO, begin: int) -> Iterator[Any]:
+        """Yield the records from a place on, chunks as they are."""
+        file.seek(begin)
+        try:
+            yield from StreamReader(file, skip_magic=True, emit_chunks=True,
+                                    record_size_limit=self._contents.max_bytes).records
+        except (EndOfFile, struct.error):
+            raise EOFError('it ends too early') from None

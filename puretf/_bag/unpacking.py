@@ -14,7 +14,7 @@ from puretf._bag.contents import Record
 #: Part of Python since 3.14.
 zstd: Any = import_module('compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd')
 #: By the name of a method: what decompresses up to a number of bytes.
-DECOMPRESSORS: dict[bytes, Any] = {b'zstd': zstd.ZstdDecompressor, b'lz4': LZ4FrameDecompressor}
+DECOMPRESSORS: dict[str, Any] = {'zstd': zstd.ZstdDecompressor, 'lz4': LZ4FrameDecompressor}
 #: A message, or the fraction of a file that has been read.
 Item = Union[Record, float]
 #: The fraction is yielded once for so many messages.

@@ -455,7 +455,7 @@ def test_odd_metadata(tmp_path, listed, why):
     assert len(read(bags.file_of(path)).frames()) == 2
 
 
-@pytest.mark.parametrize('module', ['rosbags', 'ruamel'])
+@pytest.mark.parametrize('module', ['mcap', 'rosbags', 'ruamel'])
 def test_a_library_that_is_missing(tmp_path, monkeypatch, module):
     """The error says how to install it; it is not damage of the bag."""
     path = bags.make(tmp_path, 'mcap', bags.walk(1))
@@ -464,7 +464,7 @@ def test_a_library_that_is_missing(tmp_path, monkeypatch, module):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
     assert re.fullmatch(f'a library that reads bags cannot be imported .*{module}.*: pip install '
-                        'rosbags', outcome(path))
+                        'rosbags mcap', outcome(path))
 
 
 # Damage
@@ -528,8 +528,7 @@ CHECKSUM = 'the size or the checksum of a chunk is wrong'
 DAMAGES = {
     'zstd': (bags.mcap_chunk(bytes(99), 'zstd').replace(b'\x28\xb5', b'\x28\xb6'),
              'Unable to decompress'),
-    'length': (bags.mcap_chunk(bags.mcap_record(5, b'1')),
-               'a record of 1 bytes is shorter than its fields')}
+    'length': (bags.mcap_chunk(bags.mcap_record(5, b'1')), 'a record in a chunk is damaged')}
 
 
 @pytest.mark.parametrize('damage', DAMAGES)
@@ -543,12 +542,13 @@ def test_damaged_chunks(tmp_path, logs, damage):
 
 
 def test_a_damaged_chunk_with_the_channels(tmp_path, logs):
-    """The end of the file repeats them, so the other chunks are read."""
-    damaged = bags.mcap_chunk(
-        bags.mcap_channel() + bags.mcap_message([bags.row(S, 'map', 'before')], S), crc=7)
-    path = bags.mcap(tmp_path / 'x.mcap', damaged, TRAILER, summary=bags.mcap_channel())
-    assert outcome(path, partial=True) == ['after']
-    assert CHECKSUM in messages(logs)
+    """The summary repeats them, so the other chunks are read; it tells how much is lost."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap')
+    flipped(path, path.read_bytes().index(b'odom'))
+    assert CHECKSUM in outcome(path)
+    assert outcome(path, partial=True) == ['base_link']
+    assert f'{CHECKSUM}. {path}: its statistics announce 1 messages of /tf_static, but 0 ' in (
+        messages(logs))
 
 
 def test_a_damaged_message(tmp_path, logs):
@@ -738,13 +738,12 @@ def test_a_bit_that_no_checksum_covers(tmp_path, kind, begin, end, options):
     assert bags.flips(path, (8 * at + at % 8 for at in heads(path.read_bytes(), kind, begin, end)))
 
 
-@pytest.mark.parametrize(('index', 'why'), [
-    ('ALL', 'as the chunk index in its summary says'),
-    ('NONE', 'its statistics announce 28 messages, but 23 were found, or')])
-def test_a_chunk_that_is_not_recognised(tmp_path, logs, index, why):
-    """It contradicts the summary; with partial=True, all others are read."""
+@pytest.mark.parametrize('index', ['ALL', 'NONE'])
+def test_a_chunk_that_is_not_recognised(tmp_path, logs, index):
+    """It contradicts the statistics; with partial=True, all others are read."""
     path = bags.checked_mcap(tmp_path / 'x.mcap', index=index)
     flipped(path, heads(path.read_bytes(), 6, 0, 1)[-1])
+    why = 'its statistics announce 6 messages of /tf, but 5 were found'
     assert why in bags.content(path)
     assert len(bags.content(path, partial=True)[0]) == 6
     assert why in messages(logs)
@@ -752,16 +751,16 @@ def test_a_chunk_that_is_not_recognised(tmp_path, logs, index, why):
 
 @pytest.mark.parametrize('is_cut_off', [False, True])
 def test_a_message_index_that_is_wrong(tmp_path, is_cut_off):
-    """It is an error; with partial=True, no chunk is skipped by it."""
+    """No message is left out because of it."""
     path = bags.checked_mcap(tmp_path / 'x.mcap')
     whole, data = bags.content(path), bytearray(path.read_bytes())
     for at in heads(data, 7, 9, 10):
         data[at] |= 1  # /tf, which is 2, becomes /chatter
     (start,) = struct.unpack_from('<Q', data, len(data) - 28)
     path.write_bytes(data[:start] if is_cut_off else data)
-    why = 'it ends too early' if is_cut_off else 'as the chunk index in its summary says'
-    assert why in bags.content(path)
     assert bags.content(path, partial=True)[0] == whole[0]
+    if is_cut_off:
+        assert 'it ends too early' in bags.content(path)
 
 
 def test_statistics_that_contradict_the_messages(tmp_path):
@@ -773,20 +772,20 @@ def test_statistics_that_contradict_the_messages(tmp_path):
     (message, *_) = re.finditer(rb'\x05.\0{7}\x02\0', data, re.DOTALL)  # of /tf
     data[message.end() - 2] = 3  # of /chatter
     path.write_bytes(data)
-    assert 'its statistics announce 28 messages, but 28 were found, or' in bags.content(path)
+    assert 'its statistics announce 6 messages of /tf, but 5 were found' in bags.content(path)
 
 
 @pytest.mark.parametrize('kind', [3, 4, 5, 6, 7, 8, 11])
 @pytest.mark.parametrize('where', ['file', 'chunk'])
 def test_records_that_are_shorter_than_their_fields(tmp_path, kind, where):
-    """Nothing is read that a record does not contain; most kinds are ignored in chunks."""
+    """They are refused; most kinds are ignored in chunks."""
     whole = bags.mcap_message([bags.row(S, 'map', 'odom')], S)
     for size in 0, 5, 21:
         record = bags.mcap_record(kind, (b'\t\0\0\0' + b'\x7f' * 17)[:size])
         path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(), *(
             [record, whole] if where == 'file' else [bags.mcap_chunk(record + whole)]))
         if where == 'file' or kind <= 5:
-            assert f'a record of {size} bytes is shorter than its fields.' in outcome(path)
+            assert f'{path} cannot be read: ' in outcome(path)
         else:
             assert outcome(path) == ['odom']
 
@@ -796,7 +795,8 @@ def test_a_record_that_is_larger_than_the_limit(tmp_path, kind):
     """It is refused before it is read."""
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(), bags.mcap_record(
         kind, struct.pack('<HIQQ', 1, 0, S, S) + bytes(BOMB)))
-    assert_refused_early(path, f'a record takes {BOMB + 22} bytes', max_bytes=LIMIT)
+    assert_refused_early(
+        path, f'record has length {BOMB + 22} that exceeds limit {LIMIT}', max_bytes=LIMIT)
 
 
 @pytest.mark.parametrize('repeat_channels', [True, False])
@@ -931,7 +931,7 @@ def test_a_limit_that_is_large_enough(tmp_path, logs, kind):
     path = bags.make(tmp_path, kind, bags.walk(1))
     assert len(read(path, max_bytes=100_000).frames()) == 2
     assert not logs
-    assert 'max_bytes' in outcome(path, max_bytes=1)
+    assert 'limit' in outcome(path, max_bytes=1)
 
 
 @pytest.mark.parametrize('opcode', [3, 5, 6, 9])
@@ -939,9 +939,10 @@ def test_a_length_of_exabytes(tmp_path, logs, opcode):
     """Memory is not allocated by the length that a record declares."""
     path = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_record(
         opcode, b'\1\0' + bytes(100), 2**62))
-    assert_refused_early(path, 'cannot be read: it ends too early')
+    why = f'record has length {2**62} that exceeds limit {2**30}'
+    assert_refused_early(path, why)
     assert outcome(path, partial=True) == ['before']
-    assert 'it ends too early' in messages(logs)
+    assert why in messages(logs)
 
 
 def test_a_temporary_directory_without_room(tmp_path, monkeypatch):

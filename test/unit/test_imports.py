@@ -120,8 +120,8 @@ def test_modules_that_need_no_ros():
 
 def test_modules_that_reach_no_ros_can_be_imported_without_it():
     """Neither rclpy nor any message package can be imported there."""
-    # These import viser, psutil, or rosbags and what it needs, which need not be installed.
-    others = {'viser', 'psutil', 'rosbags', 'apsw', 'lz4'}
+    # These import viser, psutil, or libraries for bags, which need not be installed.
+    others = {'viser', 'psutil', 'rosbags', 'apsw', 'lz4', 'mcap'}
     names = [name for name in WITHOUT if not lies_in(name, 'puretf._ros') and others.isdisjoint(
         {each.partition('.')[0] for each in reached(modules()[name], is_late=False)})]
     assert 'dummy_arm.check_arm' in names
