@@ -74,8 +74,9 @@ class McapFile:
                 and {each.schema_id for each in found.channels.values()} <= {0, *found.schemas}
                 and all(each.message_index_offsets for each in found.chunk_indexes)):
             return None
-        chunk = next(self._records(file, found.chunk_indexes[0].chunk_start_offset))
-        return found if footer.summary_crc or not chunk.uncompressed_crc else None
+        at = found.chunk_indexes[0].chunk_start_offset
+        is_sure = footer.summary_crc or not next(self._records(file, at)).uncompressed_crc
+        return found if is_sure else None
 
     def _by_index(self, file: BinaryIO, summary: Any) -> Iterator[Item]:
         """Yield the messages that are read, in the order of time."""
