@@ -1,24 +1,26 @@
 """
 The messages of an mcap file, read by the library mcap.
 
-By the index in the summary, chunks without messages that are read are skipped; the statistics
-beside it tell whether a message is missing. Without an index, all is read in the order of the
-file. An index without a checksum is not used if chunks have one.
+By the indexes of the chunks, only messages are read that are wanted; the statistics beside them
+tell whether one is missing. Without an index, all is read in the order of the file. An index
+without a checksum is not used if chunks have one.
 """
 
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
+from io import BytesIO
 from operator import attrgetter, itemgetter
 from pathlib import Path
 import struct
 from typing import Any, BinaryIO, Optional
 from zlib import crc32
 
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.reader import FOOTER_SIZE, SeekingReader
-from mcap.records import Channel, Chunk, Footer, Message, Schema, Statistics
+from mcap.records import Channel, Chunk, ChunkIndex, Footer, Message, Schema, Statistics
 from mcap.stream_reader import breakup_chunk, MAGIC_SIZE, StreamReader
 
 from puretf._bag.contents import Contents, Record, Topic
@@ -93,14 +95,27 @@ class McapFile:
             yield number / len(chunks)
             del waiting[:ready]
             try:
-                found = self._parts(next(self._records(file, chunk.chunk_start_offset)))
-                waiting += filter(None, map(self._found, found))
+                waiting += filter(None, map(self._found, self._wanted(file, chunk)))
             except Exception as error:
                 self._contents.add_damage(error)
             waiting.sort(key=_time)
         yield from waiting
         for number, topic in self._topics.items():
-            topic.count += 0 if topic.is_read else self._announced[number] - self._counts[number]
+            topic.count += 0 if topic.is_read else self._announced[number]
+
+    def _wanted(self, file: BinaryIO, index: ChunkIndex) -> Iterator[Message]:
+        """Yield the messages of a chunk that are read, by the message indexes behind it."""
+        content = BytesIO(self._content(next(self._records(file, index.chunk_start_offset))))
+        stream = ReadDataStream(content)
+        for number, place in index.message_index_offsets.items():
+            if self._topics[number].is_read:
+                for time, at in next(self._records(file, place)).records:
+                    content.seek(at)
+                    stream.read1()  # the kind of the record
+                    message = Message.read(stream, stream.read8())
+                    if (message.channel_id, message.log_time) != (number, time):
+                        raise ValueError('a message index is not as the messages are')
+                    yield message
 
     def _in_order(self, file: BinaryIO) -> Iterator[Item]:
         """Yield the messages that are read, in the order of the file."""
@@ -135,18 +150,24 @@ class McapFile:
         """Return the records in a chunk, or another record."""
         if not isinstance(record, Chunk):
             return [record]
-        size, limit, data = record.uncompressed_size, self._contents.max_bytes, record.data
+        try:
+            record.data, record.compression = self._content(record), ''
+            return breakup_chunk(record)
+        except (EndOfFile, struct.error):
+            raise ValueError('a record in a chunk is damaged') from None
+
+    def _content(self, chunk: Any) -> Any:
+        """Return the bytes of a chunk."""
+        if not isinstance(chunk, Chunk):
+            raise ValueError('a chunk is not where the index in its summary says')
+        size, limit, data = chunk.uncompressed_size, self._contents.max_bytes, chunk.data
         if size > limit:
             raise too_large(f'a chunk of {len(data)} bytes', f'{size}', limit)
-        if method := DECOMPRESSORS.get(record.compression):
+        if method := DECOMPRESSORS.get(chunk.compression):
             data = method().decompress(data, size)
-        if len(data) != size or record.uncompressed_crc not in (0, crc32(data)):
+        if len(data) != size or chunk.uncompressed_crc not in (0, crc32(data)):
             raise ValueError('the size or the checksum of a chunk is wrong')
-        try:
-            record.compression, record.data = '', data
-            return breakup_chunk(record)
-        except (EndOfFile, ValueError, struct.error):
-            raise ValueError('a record in a chunk is damaged') from None
+        return data
 
     def _records(self, file: BinaryIO, begin: int) -> Iterator[Any]:
         """Yield the records from a place on, chunks as they are."""
