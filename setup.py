@@ -39,7 +39,7 @@ setup(
     packages=find_packages(include=[package_name, f'{package_name}.*', 'puretf', 'puretf.*',
                                     'puretf_tools', 'puretf_tools.*']),
     package_data={'': ['py.typed'], package_name: ['urdf/*.urdf'],
-                  'puretf_tools.view': ['*.html']},
+                  'puretf_tools.view': ['*.css', '*.html', '*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

@@ -130,9 +130,6 @@ def showing() -> Iterator[Row]:
         page.wait_for_selector('[data-value=rate]', timeout=60e3)
         sleep(3.0)
         viewed = load(view)
-        page.get_by_role('tab', name='Tree').click()
-        sleep(3.0)
-        with_tree = load(view)
         page.get_by_role('tab', name='Display').click()
         page.get_by_label('Show names', exact=True).check(force=True)
         sleep(3.0)
@@ -143,7 +140,5 @@ def showing() -> Iterator[Row]:
     what = f'web_view, {FRAMES} frames at {RATE:g} Hz'
     yield f'{what}, no viewer', f'{alone:.1%} of a core', '', ''
     yield f'{what}, one viewer', f'{viewed:.1%} of a core', '', f'{viewed / alone:.1f}'
-    yield (f'{what}, one viewer, the tree open', f'{with_tree:.1%} of a core', '',
-           f'{with_tree / alone:.1f}')
     yield (f'{what}, one viewer, all names shown', f'{with_names:.1%} of a core', '',
            f'{with_names / alone:.1f}')

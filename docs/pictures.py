@@ -41,8 +41,8 @@ PERIOD = tau / 0.1
 #: The animation shows one period in this many pictures, each for this time (ms).
 PICTURES, DURATION = 63, 100
 #: The parts of a page with the tree, and with the bar of a bag (pixels).
-LEFT, FOOT = (FloatRect(x=x, y=y, width=width, height=height) for x, y, width, height in (
-    (0, 0, 700, 480), (330, 585, 600, 210)))
+RIGHT, FOOT = (FloatRect(x=x, y=y, width=width, height=height) for x, y, width, height in (
+    (996, 56, 304, 206), (0, 716, 1300, 84)))
 SOFTWARE = ('--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader')
 
 
@@ -87,11 +87,11 @@ def page_of_the_arm(browser: Browser, url: str) -> None:
     """Take screenshots of the page, with four of its tabs."""
     page = open_page(browser, url, 1300, 800)
     page.screenshot(path=DOCS / 'web_view.png')
-    page.get_by_role('button', name='joint_2').click()
-    page.get_by_role('button', name='hide', exact=True).click()
+    page.get_by_role('treeitem', name='joint_2').hover()
+    page.get_by_role('button', name='hide joint_2').click()
     page.wait_for_timeout(3e3)
-    page.screenshot(path=DOCS / 'web_tree.png', clip=LEFT)
-    page.get_by_role('button', name='show', exact=True).click()
+    page.screenshot(path=DOCS / 'web_tree.png', clip=RIGHT)
+    page.get_by_role('button', name='show joint_2').click()
     page.get_by_role('tab', name='Robot', exact=True).click()
     page.wait_for_timeout(3e3)
     page.screenshot(path=DOCS / 'web_robot.png')
@@ -100,7 +100,7 @@ def page_of_the_arm(browser: Browser, url: str) -> None:
         page.get_by_role('combobox', name=label, exact=True).click()
         page.get_by_role('option', name=frame, exact=True).click()
     page.wait_for_timeout(6e3)
-    page.get_by_label('Pause', exact=True).check(force=True)  # axes and body at the same time
+    page.get_by_role('button', name='pause', exact=True).click()  # axes and body in one update
     page.wait_for_timeout(2e3)
     page.screenshot(path=DOCS / 'web_pair.png')
     page.close()
@@ -113,7 +113,6 @@ def page_of_a_bag(browser: Browser) -> None:
         with running('web_view', '--bag', str(bag)) as view:
             assert view.stdout is not None
             page = open_page(browser, view.stdout.readline().split()[-1], 1300, 800)
-            page.get_by_role('tab', name='Findings', exact=True).click()
             page.get_by_role('button', name='gap: base_link').click()
             page.wait_for_timeout(3e3)
             page.screenshot(path=DOCS / 'web_findings.png')

@@ -149,5 +149,5 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--follow', default='', metavar='FRAME',
                         help='a frame that stays in the picture while it drives')
     parser.add_argument('--view', metavar='FILE.json',
-                        help='what the page shows at first: the line of its "Copy view"')
+                        help='what the page shows at first: the line of its "copy view"')
     return run(parser, command, args)

@@ -1,10 +1,9 @@
-"""What the panels are made of: keys, choices, rows and texts."""
+"""What the panel is made of: choices, texts, and values for the script of the page."""
 
-from collections import deque
-from collections.abc import Awaitable, Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable
 from html import escape
-from typing import Any, NamedTuple, Optional
+import json
+from typing import Any, Optional
 
 import viser
 
@@ -13,27 +12,6 @@ from puretf_tools.view.settings import Settings
 
 #: The choice of no frame, and that of the frame that the program proposes.
 NONE, AUTOMATIC = '(none)', '(automatic)'
-#: The place of a text below all controls, also those that are added later.
-LAST = 1e9
-#: Of the texts in the panel.
-STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
-         'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
-#: A click selects the whole text.
-_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
-
-
-def add_keys(gui: viser.GuiApi, time: Any, on_view: Callable[..., Awaitable[object]],
-             on_reset: Callable[[Any], Awaitable[object]]) -> None:
-    """Add the keys of the page, by what viser's list of commands says of them."""
-    for key, text, callback in (
-            ('P', 'Pause or resume', time.on_pause),
-            ('B', 'Step back', partial(time.on_step, True)),
-            ('N', 'Step forward', partial(time.on_step, False)),
-            ('A', 'Focus on all frames', partial(on_view, view='all')),
-            ('F', 'Focus on the selected frame', partial(on_view, view='frame')),
-            ('T', 'Look from the top', partial(on_view, view='top')),
-            ('R', 'Reset view', on_reset)):
-        gui.add_command(text, hotkey=key).on_trigger(callback)
 
 
 class Choice:
@@ -105,47 +83,6 @@ class FrameChoice(Choice):
             self._known = self._control.value
 
 
-class Row(NamedTuple):
-    """A button, and perhaps a text below it."""
-
-    key: Any  #: what a click gives
-    label: str
-    colour: tuple[int, int, int]
-    text: str = ''  #: in HTML
-
-
-class Rows:
-    """Rows that change: controls are added when there are more rows, and hidden when fewer."""
-
-    def __init__(self, gui: viser.GuiApi, container: Any) -> None:
-        self._gui, self._container = gui, container
-        self._rows: Sequence[Row] = ()
-        self._buttons: list[Any] = []
-        self._texts: list[Any] = []
-        #: The key of the row that was clicked last, until somebody takes it.
-        self.clicks: deque[Any] = deque(maxlen=1)
-
-    async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
-        number = self._buttons.index(event.target)
-        self.clicks += [row.key for row in self._rows[number:number + 1]]
-
-    def show(self, rows: Sequence[Row]) -> None:
-        """Show these rows; all of them have a text, or none."""
-        self._rows = rows
-        with self._container:
-            for row in rows[len(self._buttons):]:
-                self._buttons.append(self._gui.add_button(''))
-                self._buttons[-1].on_click(self._on_click)
-                if row.text:
-                    self._texts.append(self._gui.add_html(''))
-        for row, button in zip(rows, self._buttons):
-            change(button, label=row.label, color=row.colour, visible=True)
-        for row, text in zip(rows, self._texts):
-            change(text, content=row.text, visible=True)
-        for unused in *self._buttons[len(rows):], *self._texts[len(rows):]:
-            change(unused, visible=False)
-
-
 def change(handle: Any, **values: Any) -> None:
     """Set those attributes of a control that differ: viser sends each that is set."""
     for name, value in values.items():
@@ -153,14 +90,20 @@ def change(handle: Any, **values: Any) -> None:
             setattr(handle, name, value)
 
 
+def values(kind: str, content: object) -> str:
+    """Return a hidden element with values for page.js."""
+    text = json.dumps(content, separators=(',', ':')).replace('<', r'\u003c')
+    return f'<script type="application/json" data-tf="{kind}">{text}</script>'
+
+
 def html(text: str, key: str) -> str:
     """Return a text as an element of the panel; '' if it is empty."""
-    return f'<div style="{STYLE}" data-text="{key}">{escaped(text)}</div>' if text else ''
+    return f'<div class="tf-text" data-text="{key}">{escaped(text)}</div>' if text else ''
 
 
 def copied(text: str, key: str) -> str:
     """Return in HTML a text that a click selects and, from this machine or by HTTPS, copies."""
-    return (f'<pre style="{_COPIED}" data-text="{key}" '
+    return (f'<pre class="tf-text tf-copied" data-text="{key}" '
             f'onclick="navigator.clipboard?.writeText(this.textContent)">{escape(text)}</pre>')
 
 

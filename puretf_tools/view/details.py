@@ -9,18 +9,17 @@ from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.inspection.traffic import rate_of
-from puretf_tools.view.controls import escaped, html, STYLE
+from puretf_tools.view.controls import escaped, html
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Floats, MAX_FRAMES, Placement, REACH
 
 
 def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
-    """Return in HTML how many frames are shown, and every problem."""
+    """Return in HTML which frames are not shown, and every other problem; '' if there is none."""
     names = placement.names
     count = len({*names, *placement.dead, *placement.left_out}.union(*placement.loops))
-    lines = [f'{len(names)} of {count} frames' if len(names) < count else
-             f'{count} frame{"" if count == 1 else "s"}' if count else
-             f'no frames yet. {escaped(feed.why_no_frames())}']
+    lines = [f'{len(names)} of {count} frames'] if len(names) < count else [] if count else [
+        f'no frames yet. {escaped(feed.why_no_frames())}']
     if count and feed.hint:
         lines.append(escaped(feed.hint))
     for what, is_shown in ('shown without a parent', True), ('not shown', False):
@@ -38,7 +37,7 @@ def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
         lines.append(f'more than {REACH:,.0f} m away, not drawn: {_list(placement.far)}')
     lines += [f'in a loop: {" → ".join(map(escaped, [*loop, loop[0]]))}'
               for loop in placement.loops]
-    return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
+    return f'<div class="tf-text" data-text="overview">{"<br>".join(lines)}</div>' if lines else ''
 
 
 def _silence(placement: Placement) -> str:
@@ -83,7 +82,7 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
         rows += _row('publisher', 'publisher', publisher)
     if target != placement.fixed and (why := buffer.why_not(placement.fixed, name, 0)):
         rows += _wide(f'not in the fixed frame: <span data-value="why">{escaped(why)}</span>')
-    return f'<table style="{STYLE}" data-text="details">{rows}</table>'
+    return f'<table class="tf-details" data-text="details">{rows}</table>'
 
 
 def rate_text(placement: Placement, name: str) -> str:
@@ -92,19 +91,19 @@ def rate_text(placement: Placement, name: str) -> str:
     if frame is None or frame.is_static:
         return 'static' if frame else ''
     if name in placement.late:
-        return f'no update for {placement.late[name]:.0f} s'
+        return f'silent for {placement.late[name]:.0f} s'
     return 'not known' if (rate := rate_of(frame)) is None else f'{rate:.1f} Hz'
 
 
 def _pose(prefix: str, feed: Feed, stamp: int, translation: Floats, rotation: Floats) -> str:
     """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
-    quaternion = (*rotation.tolist(),)
-    angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]
-    return ''.join((
-        _row(f'{prefix}-time', 'time', feed.time_text(stamp) if stamp else 'all times'),
-        _row(f'{prefix}-translation', 'position (m)', _numbers(translation.tolist(), 3)),
-        _row(f'{prefix}-quaternion', 'orientation', _numbers(quaternion, 4)),
-        _row(f'{prefix}-rpy', 'RPY (°)', _numbers(angles, 2))))
+    when, full = (feed.ago(stamp), feed.time_text(stamp)) if stamp else ('all times', '')
+    angles = [degrees(angle) for angle in euler_from_quaternion((*rotation.tolist(),))]
+    return _row(f'{prefix}-time', 'time', when, full) + _cells('', '', 'xyzw') + ''.join(
+        _cells(f'{prefix}-{key}', label, [fixed_point(value, digits) for value in numbers])
+        for key, label, numbers, digits in (
+            ('translation', 'position (m)', translation.tolist(), 3),
+            ('quaternion', 'quaternion', rotation.tolist(), 4), ('rpy', 'RPY (°)', angles, 2)))
 
 
 def _title(key: str, name: str, text: str) -> str:
@@ -113,16 +112,17 @@ def _title(key: str, name: str, text: str) -> str:
 
 
 def _wide(text: str) -> str:
-    return f'<tr><td colspan="2" style="padding-top: .4em">{text}</td></tr>'
+    return f'<tr><td colspan="5">{text}</td></tr>'
 
 
-def _row(key: str, label: str, value: str) -> str:
-    return (f'<tr><td style="padding-right: .8em; opacity: .7; white-space: nowrap">{label}</td>'
-            f'<td data-value="{key}">{escaped(value)}</td></tr>')
+def _row(key: str, label: str, value: str, title: str = '') -> str:
+    return (f'<tr><td>{label}</td><td colspan="4" data-value="{key}" title="{escaped(title)}">'
+            f'{escaped(value)}</td></tr>')
 
 
-def _numbers(values: Iterable[float], precision: int) -> str:
-    return '  '.join(fixed_point(value, precision) for value in values)
+def _cells(key: str, label: str, texts: Iterable[str]) -> str:
+    cells = ''.join(f'<td>{text}</td>' for text in texts)
+    return f'<tr class="tf-numbers" data-value="{key}"><th>{label}</th>{cells}</tr>'
 
 
 def command_line(parent: str, child: str, numbers: Iterable[tuple[str, float]]) -> str:

@@ -1,6 +1,6 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
@@ -144,6 +144,7 @@ class Feed:
     #: What `tf_doctor` finds, errors first; another object after a change.
     findings: Sequence[Finding] = ()
     verdict: str = ''  #: the line at the end of its report; '': not examined yet
+    now: Callable[[], int]  #: returns the time shown, or of the clock of the stamps (ns)
     #: Why transforms may not arrive, or that time has gone back; '' if neither.
     hint: str = ''
 
@@ -157,6 +158,12 @@ class Feed:
     def publication(self, frame: Frame) -> tuple[Optional[float], str]:
         """Return the average delay of a frame (s; None: not known), and who publishes it."""
         raise NotImplementedError
+
+    def ago(self, stamp: int) -> str:
+        """Write how old a transform is, or its stamp (ns) if that is more than an hour away."""
+        age = (self.now() - stamp) / SECOND
+        return self.time_text(stamp) if abs(age) > 3600.0 else (
+            f'{abs(age):.2f} s {"ago" if age >= 0.0 else "ahead"}')
 
     def time_text(self, stamp: int) -> str:
         """Write a stamp (ns) of a transform."""
@@ -181,6 +188,7 @@ class BagFeed(Feed):
         self.name = name
         self.buffer: TransformBuffer = buffer
         self.player: Player = Player(buffer.frames())
+        self.now = lambda: self.player.time
         #: Empty until the bag has been read.
         self.robots: Descriptions = {}
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
@@ -238,7 +246,7 @@ class LiveFeed(Feed):
             node, self._frame_listener.topics[0].rpartition('/')[0]
         ).descriptions if descriptions is None else lambda: descriptions
         self.name = ' and '.join(reversed(self._frame_listener.topics))
-        self.buffer = self._frame_listener.buffer
+        self.buffer, self.now = self._frame_listener.buffer, self._frame_listener.now
         self.hand_publisher = HandPublisher(self._frame_listener)
         self.joint_controls = joint_controls or JointCommanders(node)
 

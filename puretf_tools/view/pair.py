@@ -12,7 +12,7 @@ from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.axes_and_trail import STEP, Track
-from puretf_tools.view.controls import copied, FrameChoice, html, STYLE
+from puretf_tools.view.controls import copied, FrameChoice, html
 from puretf_tools.view.details import command_line
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Floats
@@ -170,7 +170,7 @@ def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
         _row('angle (°)', [degrees(2.0 * atan2(hypot(*rotation[:3]), abs(rotation[3])))], 2),
         _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
         _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
-    return (f'<table style="{STYLE}" data-text="pair">'
+    return (f'<table class="tf-text" data-text="pair">'
             f'<tr><td>time</td><td colspan="4">{time}</td></tr>{rows}</table>')
 
 

@@ -1,9 +1,9 @@
-"""The panels beside the scene: the controls and texts of one viewer."""
+"""The panel beside the scene: the controls and texts of one viewer."""
 
+from collections import deque
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from functools import partial
-import json
+from html import escape
 from pathlib import Path
 from typing import Any, Optional
 
@@ -11,76 +11,70 @@ import viser
 
 from puretf_tools.view.axes_and_trail import Display
 from puretf_tools.view.camera import VIEWS
-from puretf_tools.view.controls import (
-    add_keys,
-    AUTOMATIC,
-    Choice,
-    copied,
-    FrameChoice,
-    html,
-    LAST,
-)
+from puretf_tools.view.controls import AUTOMATIC, change, Choice, copied, FrameChoice, html
 from puretf_tools.view.feed import Feed, LENGTH
 from puretf_tools.view.hand_frame import HandFrame
 from puretf_tools.view.pair import Pair
 from puretf_tools.view.placement import Placement, TIMEOUT
-from puretf_tools.view.playback import Playback
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.settings import Settings
-from puretf_tools.view.tree_and_findings import Findings, has_words, Tree, words_of
+from puretf_tools.view.tree_and_findings import has_words, Tree, words_of
+from puretf_tools.view.viser_private import uuid_of
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
 SETTLING = 1.0
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
-#: Red, green, blue of the buttons, by whether the page is dark: viser's own are too light for
-#: white text.
-_BRANDS = (10, 70, 145), (95, 150, 225)
 #: HTML for what viser lacks.
-_ADDITIONS = (Path(__file__).parent / 'additions.html').read_text()
-#: Where the panels are at first: the side, x and y (pixels from the scene), the width (pixels;
-#: 0: as it is), and whether they are folded.
-_PLACES = {'main': ['right', 0.0, 0.0, 360.0, False], 'tree': ['left', 0.0, 0.0, 350.0, False]}
+_STYLE, _SCRIPT = ((Path(__file__).parent / f'page.{kind}').read_text() for kind in ('css', 'js'))
+_ADDITIONS = f'<style onload="{escape(_SCRIPT)}">{_STYLE}</style>'
 _STEP = 0.1  # back or forward (s)
+_PAUSE, _RESUME, _RESET = 'pause', 'resume', 'reset'
+_COPY, _PASTE, _RESET_VIEW = 'copy view', 'paste view', 'reset view'
+#: The keys: what viser's list of commands says of each, and the event.
+_KEYS = {'P': ('Pause or resume', 'pause', ''), 'B': ('Step back', 'step', 'back'),
+         'N': ('Step forward', 'step', 'next'), 'A': ('Focus on all frames', 'view', 'all'),
+         'F': ('Focus on the selected frame', 'view', 'frame'),
+         'T': ('Look from the top', 'view', 'top'),
+         'H': ('Hide or show the selected frame', 'hide', ''),
+         'R': ('Reset view', 'kept', _RESET_VIEW)}
 
 
 class Panel:
     """The controls and texts of one viewer."""
 
-    def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings,
-                 look_from: Callable[[str], Awaitable[object]],
-                 playback: Optional[Playback] = None) -> None:
-        """
-        Add the controls.
-
-        :param look_from: moves the camera to a view, or to the selected 'frame'.
-        :param playback: the controls of a bag.
-        """
+    def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings) -> None:
         gui = client.gui
-        configure(gui, False)
         gui.add_html(_ADDITIONS)
-        self._settings = settings
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(300.0)  # pixels
+        self._settings, self._feed, self.is_paused = settings, feed, False
         self._options: list[str] = []  # of the dropdowns
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
         self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
-        self._look_from, self._feed = look_from, feed
-        panel = gui.add_panel()
-        self.tree = Tree(gui, panel.add_tab('Tree'), settings, partial(look_from, 'frame'))
-        self.findings = Findings(gui, panel.add_tab('Findings'), feed)
-        self._panels = {'main': gui.main_panel, 'tree': panel}
-        self.put_panels()
-        self._pause: Any = None
+        #: What the viewer has done: an action, and what it is about.
+        self.events: deque[tuple[str, str]] = deque(maxlen=100)
+        page = gui.add_text('', '', visible=False)
+        page.on_update(self._on_page)
+        # What page.js reads is in a panel that nobody sees or folds: what is folded is not there.
+        unseen = gui.add_panel()
+        unseen.float(x=0.0, y=0.0)
+        with unseen.add_tab(''):
+            self.tree = Tree(gui.add_html(''), settings, feed, uuid_of(page))
+            self.bar = gui.add_html('')
+        gui.add_html('<div class="tf-page"></div>')
+        self.overview = gui.add_html('')
         if feed.player is None:
-            self._pause = gui.add_checkbox('Pause', False)
-            self.back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, disabled=True)
-            self._pause.on_update(self._on_pause)
-            gui.add_button_group('Transforms', ('reset',)).on_click(lambda _: feed.reset())
+            self._live = gui.add_button_group('Live', (_PAUSE, _RESET))
+            self._live.on_click(self._put('live'))
+            self.back = gui.add_slider('Back (s)', 0.0, LENGTH, _STEP, 0.0, visible=False)
         self.fixed = FrameChoice(gui, 'Fixed frame', AUTOMATIC, settings)
-        add_keys(gui, playback or self, self._on_view, self._on_reset_view)
-        gui.add_button_group('View', tuple(VIEWS)).on_click(self._on_view)
+        for key, (text, *event) in _KEYS.items():
+            gui.add_command(text, hotkey=key).on_trigger(self._put(*event))
+        gui.add_button_group('View', tuple(VIEWS)).on_click(self._put('view'))
         tabs = gui.add_tab_group()
         self.robot = RobotTab(gui, tabs, feed.joint_controls)
         with tabs.add_tab('Frame'):
@@ -91,76 +85,53 @@ class Panel:
             self.details = gui.add_html('')
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, settings)
-            self._add_view_controls(gui)
+            gui.add_button_group('', (_COPY, _PASTE, _RESET_VIEW)).on_click(self._put('kept'))
+            self._paste = gui.add_text('Paste view', '', visible=False)
+            self._paste.on_update(self._on_paste)
+            self._kept = gui.add_html('')
         with tabs.add_tab('Pair'):
             self.pair = Pair(gui, settings, feed)
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
-        self.overview = gui.add_html('', order=LAST)
         self._frame_choices = [self.fixed, self.selected, self.trail, self.follow,
                                *self.pair.choices, self.hand_frame.parent]
 
-    def put_panels(self, stored: Optional[str] = None) -> None:
-        """Put the panels where they were, as the browser has stored it, or are at first."""
-        with suppress(Exception):  # it may have stored anything
-            for name, place in {**_PLACES, **json.loads(stored or '{}')}.items():
-                panel, (side, x, y, width, is_folded) = self._panels[name], place
-                if side == 'float':
-                    panel.float(x=x, y=y)
-                else:
-                    beside = [self._panels['main']] if side in ('above', 'below') else []
-                    getattr(panel, f'dock_{side}')(*beside)
-                if width:
-                    panel.set_width(width)
-                if is_folded:
-                    panel.minimize()
+    async def _on_page(self, event: 'viser.GuiEvent[Any]') -> None:
+        # A number, the action, and what it is about: of others, nothing is known by this name.
+        action, _, what = event.target.value.partition(' ')[2].partition(' ')
+        self.events.append((action, what))
 
-    def _add_view_controls(self, gui: viser.GuiApi) -> None:
-        gui.add_button('Copy view').on_click(self._on_copy)
-        self._copied = gui.add_html('')
-        gui.add_text('Paste view', '').on_update(self._on_paste)
-        self._problem = gui.add_html('')
-        gui.add_button('Reset view').on_click(self._on_reset_view)
-
-    async def _on_copy(self, _: Any) -> None:
-        self._copied.content = html('Click the line to select it, and copy it:', 'copy') + copied(
-            self._settings.as_json(), 'view')
+    def _put(self, action: str, what: Optional[str] = None) -> Callable[[Any], Awaitable[None]]:
+        """Return a callback that appends an event; None: it is about the button of a group."""
+        async def put(event: Any) -> None:
+            self.events.append((action, event.target.value if what is None else what))
+        return put
 
     async def _on_paste(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None and event.target.value:
-            self._problem.content = html(self._settings.restore(event.target.value), 'paste')
+            self._kept.content = html(self._settings.restore(event.target.value), 'paste')
             event.target.value = ''
 
-    async def _on_reset_view(self, _: Any) -> None:
-        self._settings.reset()
-        self.put_panels()
-        for panel in self._panels.values():
-            panel.expand()
+    def act(self, action: str, what: str) -> None:
+        """Do what the viewer requests: of the view, or of the time of a live page."""
+        if action == 'kept':
+            change(self._paste, visible=what == _PASTE)
+            self._kept.content = '' if what != _COPY else copied(
+                self._settings.as_json(), 'view')
+            if what == _RESET_VIEW:
+                self._settings.reset()
+        elif what == _RESET:
+            self._feed.reset()
+        elif action == 'step':
+            self.look_back(self.back.value + (_STEP if what == 'back' else -_STEP))
+        elif action in ('live', 'pause'):
+            self.look_back(0.0, not self.is_paused)
 
-    async def _on_view(self, event: Any, view: str = '') -> None:
-        await self._look_from(view or event.target.value)
-
-    @property
-    def is_paused(self) -> bool:
-        return self._pause is not None and self._pause.value
-
-    async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
-        self.back.disabled = not event.target.value
-        if self.back.disabled:
-            self.back.value = 0.0
-
-    async def on_pause(self, _: Any) -> None:
-        """Pause or resume."""
-        self._pause.value = not self._pause.value
-
-    async def on_step(self, is_back: bool, _: Any) -> None:
-        """Pause, and look further back, or less."""
-        self.look_back(self.back.value + (_STEP if is_back else -_STEP))
-
-    def look_back(self, seconds: float) -> None:
-        """Pause, and look back."""
-        self._pause.value = True
-        self.back.value = min(max(seconds, 0.0), LENGTH)
+    def look_back(self, seconds: float, is_paused: bool = True) -> None:
+        """Pause, and look back; or resume."""
+        self.is_paused = is_paused
+        change(self._live, options=(_RESUME if is_paused else _PAUSE, _RESET))
+        change(self.back, visible=is_paused, value=min(max(seconds, 0.0), float(LENGTH)))
 
     def set_frames(self, placement: Placement, now: float) -> None:
         """
@@ -195,7 +166,8 @@ class DisplayPanel:
 
     def __init__(self, gui: viser.GuiApi, settings: Settings) -> None:
         """Add the controls to the current container."""
-        self._gui = gui
+        self._set_theme = partial(gui.configure_theme, show_logo=False, show_share_button=False)
+        self._set_theme()
         self._include, self._exclude = (
             settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
         axes = settings.control(gui.add_checkbox('Axes', True))
@@ -219,14 +191,8 @@ class DisplayPanel:
             exclude and has_words(name, exclude))
 
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
-        configure(self._gui, bool(event.target.value))
+        self._set_theme(dark_mode=event.target.value)
 
     def display(self, hidden: frozenset[str]) -> Display:
         """Return what is to be drawn, without some frames."""
         return Display(hidden, *(control.value for control in self._drawn))
-
-
-def configure(gui: viser.GuiApi, is_dark: bool) -> None:
-    """Set the theme of a viewer."""
-    gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False,
-                        control_width='large', brand_color=_BRANDS[is_dark])

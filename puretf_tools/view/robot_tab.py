@@ -12,7 +12,7 @@ from puretf._text.names import abbreviated, visible
 from puretf_tools.robot.description import Joint
 from puretf_tools.robot.joint_positions import bounds, JointPositions
 from puretf_tools.robot.joint_senders import JointControl, JointControls
-from puretf_tools.view.controls import change, escaped, html, LAST, STYLE
+from puretf_tools.view.controls import change, escaped, html
 
 _MOST_LINES, _LONGEST_LINE = 30, 500
 #: The largest number of sliders.
@@ -38,7 +38,7 @@ class RobotTab:
     def _add(self) -> None:
         gui, tab = self._gui, self._tabs.add_tab('Robot')
         with tab:
-            self._text = gui.add_html('', order=LAST)
+            self._text = gui.add_html('', order=1e9)  # below all joints
         self._joints = Joints(gui, tab, self._source) if self._source else None
 
     def update(self, lines: Sequence[str], folded_lines: Sequence[str]) -> None:
@@ -49,7 +49,7 @@ class RobotTab:
         if folded:
             shown += f'<details><summary>meshes that are not drawn</summary>{folded}</details>'
         if self._text:
-            change(self._text, content=f'<div style="{STYLE}" data-text="robot">{shown}</div>')
+            change(self._text, content=f'<div class="tf-text" data-text="robot">{shown}</div>')
         if self._joints:
             self._joints.update()
 

@@ -123,7 +123,7 @@ class Settings:
         with suppress(ValueError, RecursionError):
             values = json.loads(text)
         if not isinstance(values, dict):
-            return 'this is no view: copy the line that "Copy view" shows'
+            return 'this is no view: copy the line that "copy view" shows'
         known = {name: value for name, value in values.items() if name in _KINDS}
         for name, value in known.items():
             has, description = _KINDS[name]

@@ -13,6 +13,7 @@ import numpy as np
 import viser
 
 from puretf import SECOND, TransformBuffer
+from puretf._text.names import visible
 from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.view.axes_and_trail import Display, Trail
@@ -26,7 +27,7 @@ from puretf_tools.view.placement import Floats, FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
-from puretf_tools.view.viser_private import LONGEST, PAGE, PANELS, receive_at_once, Server
+from puretf_tools.view.viser_private import LONGEST, PAGE, receive_at_once, Server
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
@@ -72,7 +73,7 @@ class View:
         self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._places = lru_cache(1)(self._places_between)  # of a bag, all viewers see the same
-        self._playback = Playback(server.gui, feed) if isinstance(feed, BagFeed) else None
+        self._playback = Playback(feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
         self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
@@ -82,7 +83,7 @@ class View:
         """Read the feed and the panels, and update what each viewer sees."""
         now = self._clock()
         clients = self._server.get_clients()
-        until = self._playback.update([*clients.values()]) if self._playback else 0
+        until = self._playback.update(bool(clients)) if self._playback else 0
         if clients and now >= self._next_watch:
             self._feed.watch(now)
             self._next_watch = now + _TEXT_PERIOD
@@ -148,7 +149,7 @@ class Viewer:
         self._until = self._goal = 0
         self._scene = Scene(client, meshes)
         self._settings = Settings(first)
-        self._panel = Panel(client, feed, self._settings, self._look_from, playback)
+        self._panel, self._playback = Panel(client, feed, self._settings), playback
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         #: The last placement, and how it was drawn.
         self._shown: Optional[tuple[Placement, Display]] = None
@@ -168,7 +169,6 @@ class Viewer:
     def _restore(self) -> None:
         if why := self._settings.reset(self.pace.stored or ''):
             self._client.add_notification('The view that was kept is refused', why)
-        self._panel.put_panels(self.pace.panels)
         if not self._is_alone:  # somebody else has chosen the time of the bag
             self._goal = 0
 
@@ -219,15 +219,19 @@ class Viewer:
         if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
+        if self._shown:
+            self._take_events(self._shown[0])
+        change(panel.bar, content=self._playback.content if self._playback else '')
         placement = self._place(place, until)
         panel.set_frames(placement, now)
-        self._take_clicks(placement)
         selected = panel.selected.value
         hidden = panel.tree.hidden(placement, panel.display.passes())
         display = panel.display.display(hidden)
         self._shown = placement, display
-        panel.tree.update(placement, selected, hidden, self._feed.findings, now)
-        panel.findings.update()
+        if panel.tree.update(placement, selected, hidden, now):
+            change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
+            change(panel.details, content=details(
+                placement, selected, self._feed, self._buffer))
         marked = self._marked if selected in self._marked else ()
         self._scene.show(placement, display, {selected, *marked},
                          self._trail.pieces(placement, panel.trail.value, display), descriptions,
@@ -238,9 +242,6 @@ class Viewer:
             self._next_texts = now + _TEXT_PERIOD
             panel.robot.update(*self._scene.body.lines())
             panel.pair.update(self._until, now)
-            change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
-            change(panel.details, content=details(
-                placement, selected, self._feed, self._buffer))
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self.pace.when_handled(self._scene.move)
@@ -256,27 +257,41 @@ class Viewer:
             newest = self._paused_at if self._place_paused else _newest(self._feed.buffer)
             self._panel.look_back((newest - time) / SECOND)
 
-    def _take_clicks(self, placement: Placement) -> None:
-        """Select what the viewer has clicked in the tree, in the scene and in the findings."""
-        panel, scene = self._panel, self._scene
-        if panel.findings.rows.clicks:
-            finding = panel.findings.rows.clicks.pop()
-            self._marked = finding.frames
-            panel.selected.choose(next(iter(finding.frames), panel.selected.value))
-            panel.tree.unfold(placement, panel.selected.value)
-            if self._feed.player and finding.time:
-                self._go_to(finding.time)
+    def _take_events(self, placement: Placement) -> None:
+        """Do what the viewer has requested in the page, and select what is clicked there."""
+        panel, scene, selected = self._panel, self._scene, self._panel.selected
+        while panel.events:
+            action, what = panel.events.popleft()
+            name = next((each for each in placement.names if visible(each) == what),
+                        selected.value)
+            if action == 'view':
+                self._look_from(what)
+            elif action == 'finding':
+                self._choose(what)
+            elif action in ('hide', 'branch', 'fold'):
+                panel.tree.sets[action] ^= {name}
+            elif action == 'select':
+                selected.choose(name)
+            elif self._playback and action != 'kept':
+                self._playback.act(action, what)
+            else:
+                panel.act(action, what)
         if scene.shift_clicks:
-            panel.pair.choose(panel.selected.value, scene.shift_clicks.pop())
-        if panel.tree.rows.clicks:
-            if (name := panel.tree.rows.clicks.pop()) == panel.selected.value:
-                panel.tree.fold(name)
-            panel.selected.choose(name)
+            panel.pair.choose(selected.value, scene.shift_clicks.pop())
         if scene.clicks:
-            panel.selected.choose(scene.clicks.pop())
-            panel.tree.unfold(placement, panel.selected.value)
+            selected.choose(scene.clicks.pop())
 
-    async def _look_from(self, view: str) -> None:
+    def _choose(self, title: str) -> None:
+        """Select and mark the frames of a finding, and go to its time."""
+        selected = self._panel.selected
+        for finding in self._feed.findings:
+            if self._panel.tree.title(finding) == title:
+                self._marked = finding.frames
+                selected.choose(next(iter(finding.frames), selected.value))
+                if self._feed.player and finding.time:
+                    self._go_to(finding.time)
+
+    def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
         if self._shown:
             placement, display = self._shown
@@ -299,9 +314,7 @@ class Pace:
         """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
         self._client, self._key = client, key
         self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
-        #: What the browser has stored: the view, and where the panels are.
-        self.stored: Optional[str] = None
-        self.panels: Optional[str] = None
+        self.stored: Optional[str] = None  #: the view, as the browser has stored it
         self.page = [0.0, 0.0, 0.0, 0.0]  #: what head.html says; see there
         self.is_blocked = False  #: True if the browser stores nothing
         self.is_waiting = True  #: True until the last update has been handled
@@ -331,7 +344,7 @@ class Pace:
         get = self._client.local_storage.get_item
         try:
             try:  # a browser that is slow must not begin anew, and store that
-                self.stored, self.panels = get(self._key), get(PANELS)
+                self.stored = get(self._key)
                 self._note(get(PAGE))
             except RuntimeError:  # or the viewer has left
                 self.is_blocked = True

@@ -18,8 +18,8 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
   too.
 - The page, its only file, has '<title>Viser</title>' in its head, before its code. head.html
   changes its shaders of labels.
-- additions.html names controls by their classes, finds the panels by attributes `data-dock-…`,
-  and stores what it measures under keys that begin with `viser-user:`.
+- A control has its `_impl.uuid`, under which page.js changes it by `__viserMutable.sendMessage`.
+  page.js names controls by their classes.
 """
 
 import asyncio
@@ -73,9 +73,8 @@ HANDLES = f'{WORLD}/hand_frame/handles'
 #: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
 _TOLERANCE = 1e-3
 
-#: The keys in a browser's storage: what head.html says of the page, and where additions.html found
-#: the panels.
-PAGE, PANELS = 'page', 'panels'
+#: The key in a browser's storage of what head.html says of the page.
+PAGE = 'page'
 
 #: What the page has in addition, before viser's own code.
 _HEAD = (Path(__file__).parent / 'head.html').read_text()
@@ -178,6 +177,11 @@ class _LoopEvent(asyncio.Event):
         with suppress(RuntimeError):
             asyncio.get_running_loop()
             super().set()
+
+
+def uuid_of(control: Any) -> str:
+    """Return the name of a control in the messages of a client."""
+    return str(control._impl.uuid)
 
 
 @lru_cache(1)

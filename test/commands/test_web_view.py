@@ -46,12 +46,11 @@ def test_a_bag_without_ros(start, tmp_path):
         '/robot_description', 100 * bags.S, bags.string(urdf), bags.STRING)])
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
     viewer = Viewer(process.port())
-    viewer.until(lambda: '3 frames' in viewer.text('overview'))
+    viewer.until(lambda: '3 frames' in viewer.shown().get('status', ()))
     viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
     viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')
     assert viewer.detail('publisher') == 'not recorded'
-    viewer.until(lambda: any('102 transforms of 3 frames' in props.get('content', '')
-                             for props in viewer.gui.values()))  # the verdict of tf_doctor
+    viewer.until(lambda: '102 transforms of 3 frames' in viewer.shown()['verdict'])
     viewer.until(lambda: any('dimensions' in node for node in viewer.nodes.values()))
     viewer.until(lambda: 'box on /robot_description: 1 of 1 links have a frame' in
                  viewer.text('robot'))
@@ -97,21 +96,20 @@ def slowly(start, tmp_path):
 def test_a_bag_is_shown_while_it_is_read(slowly, tmp_path):
     """Its transforms appear at once; its length, findings and all of its time follow."""
     _, viewer = slowly()
-    viewer.until(lambda: '3 frames' in viewer.text('overview'))
-    viewer.until(lambda: 'reading robot: ' in viewer.text('reading'))
-    viewer.until(lambda: (viewer.get('Time (s)', 'max') or 1000.0) < 1000.0)
+    viewer.until(lambda: '3 frames' in viewer.shown().get('status', ()))
+    viewer.until(lambda: 'reading robot: ' in viewer.shown('bar').get('reading', ''))
+    viewer.until(lambda: viewer.shown('bar')['length'] < 1000.0)
     (tmp_path / 'go').touch()
-    viewer.until(lambda: any('transforms of 3 frames' in props.get('content', '')
-                             for props in viewer.gui.values()))
-    viewer.until(lambda: not viewer.text('reading'))
-    viewer.until(lambda: viewer.get('Time (s)', 'max') == 1000.0)
+    viewer.until(lambda: 'transforms of 3 frames' in viewer.shown()['verdict'])
+    viewer.until(lambda: not viewer.shown('bar')['reading'])
+    viewer.until(lambda: viewer.shown('bar')['length'] == 1000.0)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=str)
 def test_a_signal_while_a_bag_is_read(slowly, number):
     """The command ends, and does not wait for the bag, which would take minutes."""
     process, viewer = slowly()
-    viewer.until(lambda: 'reading robot: ' in viewer.text('reading'))
+    viewer.until(lambda: 'reading robot: ' in viewer.shown('bar').get('reading', ''))
     process.end(number)
     assert process.exit_code() == 0
     assert process.output.count('\n') == 1
@@ -151,8 +149,7 @@ def test_a_bag_is_read_once(start, tmp_path, kind, name):
                         'lambda: print(Path("/proc/self/io").read_text()));' + code, *rest)
         if name == 'web_view':
             viewer = Viewer(process.port())
-            viewer.until(lambda: any('healthy' in props.get('content', '')
-                                     for props in viewer.gui.values()))
+            viewer.until(lambda: 'healthy' in viewer.shown().get('verdict', ''))
             viewer.close()
             process.end(signal.SIGINT)
         size = sum(file.stat().st_size for file in [path, *path.rglob('*')] if file.is_file())
@@ -194,9 +191,9 @@ def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
     assert np.linalg.norm(line[1] - line[0]) == pytest.approx(0.2, abs=2e-4)
     page.until(lambda: np.linalg.norm(
         page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
-    page.until(lambda: '6 frames' in page.page.inner_text('[data-text="overview"]'))
+    page.until(lambda: '6 frames' in page.page.inner_text('#tf-status'))
     page.until(lambda: len(page.scene().trail) > 20)
-    page.tick('Pause', True)
+    page.button('pause')
     page.click('joint_1', lambda: page.value('parent') == 'base_link')
     page.choose('Frame', 'joint_2')
     page.until(lambda: page.value('parent') == 'joint_1')
@@ -209,7 +206,7 @@ def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
     picture = (Path(results).parent if results else tmp_path) / 'web_view.png'
     page.page.screenshot(path=picture)
     assert_arm_is_seen(iio.imread(picture))
-    page.tick('Pause', False)
+    page.button('resume')
     page.until(lambda: page.value('rate').endswith(' Hz') and page.value('delay').endswith(' ms'))
     listener.unregister()
 
@@ -217,7 +214,8 @@ def test_the_waving_arm_in_a_browser(ros, start, browse, request, tmp_path):
 def assert_numbers_are_those_of_a_lookup(page, buffer):
     """Compare the pose in the fixed frame, which is paused, with a lookup at its time."""
     from rclpy.time import Time
-    seconds, nanoseconds = page.value('fixed-time').removesuffix(' s').split('.')
+    seconds, nanoseconds = page.page.get_attribute(
+        '[data-value="fixed-time"]', 'title').removesuffix(' s').split('.')
     transform = buffer.lookup_transform(
         page.value('fixed'), 'joint_2', Time(seconds=int(seconds), nanoseconds=int(nanoseconds)))
     translation, rotation = transform.transform.translation, transform.transform.rotation

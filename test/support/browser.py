@@ -173,7 +173,7 @@ class BrowserPage:
         except playwright.Error as error:
             texts, names = f'no page: {error}', {}
         places = ', '.join(f'{name} at {place.tolist()}' for name, place in names.items())
-        return f'faults: {self.faults}\n{texts}\nnames: {places}'
+        return f'faults: {self.faults}\n{texts}\nrows: {self.rows()}\nnames: {places}'
 
     def value(self, key: str) -> str:
         """Return a value in the table of the selected frame."""
@@ -182,7 +182,8 @@ class BrowserPage:
 
     def numbers(self, key: str) -> list[float]:
         """Return the numbers of a value."""
-        return [*map(float, self.value(key).split())]
+        cells = self.page.locator(f'[data-value="{key}"] td').all_inner_texts()
+        return [*map(float, filter(None, cells))]
 
     def choose(self, label: str, frame: str) -> None:
         """Choose a frame in a dropdown."""
@@ -214,10 +215,15 @@ class BrowserPage:
         word = self.page.get_by_role('button').filter(has_text=re.compile(rf'\b{text}\b'))
         (exact if exact.count() else word).first.click()
 
-    def rows(self) -> dict[str, str]:
-        """Return the rows of the tree: the text of each, by the name of its frame."""
-        texts = self.page.get_by_role('button').all_text_contents()
-        return {text.strip(' ▾▸').split()[0]: text for text in texts if text[:1] in (*' ▾▸',)}
+    def rows(self) -> list[str]:
+        """Return what the rows of the tree say to a screen reader."""
+        texts: list[str] = self.page.get_by_role('treeitem').evaluate_all(
+            'rows => rows.map(row => row.ariaLabel)')
+        return texts
+
+    def row(self, name: str) -> Any:
+        """Return the row of a frame."""
+        return self.page.get_by_role('treeitem', name=re.compile(f'^{re.escape(name)}(,|$)'))
 
     def tick(self, label: str, is_on: bool) -> None:
         """Check or uncheck a checkbox."""

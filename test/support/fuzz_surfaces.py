@@ -222,8 +222,9 @@ class _Page(HTMLParser):
         self.text = ''
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, Optional[str]]]) -> None:
-        assert tag in ('div', 'br', 'table', 'tr', 'td', 'b', 'span'), tag
-        assert {name for name, _ in attrs} <= {'style', 'data-text', 'data-value', 'colspan'}
+        assert tag in ('div', 'br', 'table', 'tr', 'th', 'td', 'b', 'span'), tag
+        assert {name for name, _ in attrs} <= {
+            'style', 'class', 'data-text', 'data-value', 'colspan', 'title'}
         values = dict(attrs)
         assert (values.get('data-value') or '').replace('-', '').isalpha() or (
             not values.get('data-value')), attrs
@@ -325,6 +326,9 @@ class _Server:
             if isinstance(each, type) and issubclass(each, viser_messages.Message))
         self.fields = {name: [*getattr(viser_messages, name).__annotations__]
                        for name in self.types}
+        # All viewers have these.
+        self.server.gui.add_text('', '')
+        self.server.gui.add_slider('Time (s)', 0.0, 1.0, 0.01, 0.0)
         self.uuids = [*self.server.gui._gui_input_handle_from_uuid]
         self.slider = next(uuid for uuid in self.uuids if self.control(uuid).label == 'Time (s)')
         self.valid = {
@@ -360,15 +364,16 @@ class _Server:
         viewer.until(lambda: any(props.get('label') == 'Publish' for props in viewer.gui.values()),
                      self.view.update)
         viewer.press('R')
+        viewer.set('Paste view', ' ')  # is received after the key
+        viewer.until(lambda: not viewer.value('Paste view'), self.view.update)
         viewer.set('Paste view', text)
         viewer.until(lambda: not viewer.value('Paste view'), self.view.update)
         for shown in self.view.viewers.values():
             viewer.until(lambda: not shown.pace.is_waiting)  # noqa: B023
         self.view.update()
         answer = viewer.text('paste')
-        viewer.set('Copy view', True)
-        viewer.set('Paste view', ' ')
-        viewer.until(lambda: not viewer.value('Paste view'), self.view.update)
+        viewer.act('kept', 'copy view')
+        viewer.until(lambda: viewer.text('view'), self.view.update)
         return answer, unescape(re.findall(
             'data-text="view"[^>]*>([^<]*)<', viewer.text('view'))[0])
 

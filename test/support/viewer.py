@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Callable
 from contextlib import suppress
+import json
 import re
 import time
 from typing import Any, cast, Optional
@@ -53,6 +54,7 @@ class Viewer:
         self.last: dict[str, dict[str, Any]] = {}
         self.storage: dict[str, str] = {}  #: what the browser has stored
         self.blocked: Optional[str] = None  #: why it stores nothing
+        self._count = 0  # of what was done in the page
 
     def send(self, message: object) -> None:
         """Send bytes, a text or a message."""
@@ -119,6 +121,18 @@ class Viewer:
         uuid: str = self._control(label)['uuid']
         return uuid
 
+    def shown(self, kind: str = 'state') -> dict[str, Any]:
+        """Return the values for the script of the page, 'state' or 'bar'; {}: not there yet."""
+        found = next((props['content'] for props in self.gui.values()
+                      if f'data-tf="{kind}"' in props.get('content', '')), '>{}<')
+        values: dict[str, Any] = json.loads(found[found.index('>') + 1:found.rindex('<')])
+        return values
+
+    def act(self, action: str, what: str = '') -> None:
+        """Send what the script sends when a viewer does something, such as 'select' a frame."""
+        self._count += 1
+        self.send(update(self.shown()['events'], value=f'{self._count} {action} {what}'))
+
     def press(self, key: str) -> None:
         """Press a key of a command."""
         self.send({'type': 'CommandTriggerMessage', 'uuid': next(
@@ -159,8 +173,9 @@ class Viewer:
 
     def detail(self, key: str) -> str:
         """Return a value in the table of the selected frame; '' if there is none."""
-        found = re.search(f'data-value="{key}">([^<]*)<', self.text('details'))
-        return found[1] if found else ''
+        found = re.search(rf'data-value="{key}"[^>]*>(?:<th>[^<]*</th>)?((<td>[^<]*</td>)+|[^<]*)',
+                          self.text('details'))
+        return ' '.join(re.sub('<[^>]*>', ' ', found[1]).split()) if found else ''
 
     def names(self) -> dict[str, list[float]]:
         """Return the names that are shown, and their positions (m)."""
@@ -204,7 +219,7 @@ def recorded(page):
 class StubFeed(Feed):
     """A feed with the same facts about every frame, and what is published by hand."""
 
-    name, hint = '/tf', 'other <topics>'
+    name, hint, time = '/tf', 'other <topics>', 0
 
     def __init__(self, buffer, publication=(None, '')):
         """Create a feed of a buffer; `why` is the reason by which it refuses what is published."""
@@ -212,6 +227,10 @@ class StubFeed(Feed):
         self._publication = publication
         self.sent, self.stopped, self.why = [], [], ''
         self.hand_publisher = cast(HandPublisher, self)
+
+    def now(self):
+        """Return a time (ns)."""
+        return self.time
 
     def publication(self, frame):
         """Return the facts, whatever the frame is."""
@@ -253,7 +272,7 @@ class Page:
         self.viewer = Viewer(self.server.get_port())
         self.viewer.storage.update(storage)
         stack.callback(self.viewer.close)
-        self.until(lambda: self.viewer.text('tree') and any(  # the last control
+        self.until(lambda: self.viewer.shown() and any(  # the last control
             props.get('label') == 'Publish' for props in self.viewer.gui.values()))
 
     def update(self):
@@ -285,6 +304,14 @@ class Page:
         Meanwhile the page is not updated: an update could overwrite the value before it is read.
         """
         self.viewer.set(label, value)
+        self._handled()
+
+    def act(self, action, what=''):
+        """Do something in the page, and wait until the server has received this."""
+        self.viewer.act(action, what)
+        self._handled()
+
+    def _handled(self):
         self.viewer.set('Paste view', '{}')  # which the server empties
         self.viewer.until(lambda: not self.viewer.value('Paste view'))
 

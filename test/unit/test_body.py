@@ -176,8 +176,8 @@ def test_a_body_moves(page):
     shown = page(buffer, body, shapes=2)
     base, arm = (shown.viewer.nodes[name] for name in parts(shown))
     base.pop('position')
-    shown.set('Play', 'pause')
-    shown.set('Time (s)', 9.0)
+    shown.act('pause')
+    shown.act('seek', '9')
     shown.until(lambda: arm['position'][0] > 10.9)
     assert 'position' not in base
 
@@ -216,7 +216,7 @@ def test_a_link_is_drawn_where_its_frame_is(page):
     shown.set('Exclude', 'base')
     shown.until(lambda: 'base' not in shown.viewer.names())
     assert len(drawn(shown)) == 2
-    shown.set('Time (s)', 20)
+    shown.act('seek', '20')
     shown.until(lambda: len(drawn(shown)) == 1)
     shown.set('Frame timeout (s)', 60)
     shown.until(lambda: len(drawn(shown)) == 2)
@@ -252,7 +252,7 @@ def test_the_prefix_of_the_frames(topic, frames, expected):
 def test_descriptions_change(page):
     """A new one replaces the old one; a refused one is a line; without any, there is no tab."""
     shown = page(buffer_of('map base', 'base arm'), {})
-    shown.until(lambda: '3 frames' in shown.viewer.text('overview'))
+    shown.until(lambda: '3 frames' in shown.viewer.shown().get('status', ()))
 
     assert not shown.viewer.text('robot')
     sphere = ('<sphere radius="1"/>',)
@@ -351,7 +351,7 @@ def test_bytes_of_an_update(page, count, most):
                            np.sin(half), np.cos(half)))
     boxes = robot(*(link(f'link_{i}', ('<box size="1 2 3"/>',)) for i in range(count)))
     shown = page(buffer, boxes, shapes=count)
-    shown.set('Play', 'pause')
+    shown.act('pause')
     sizes = []
     for step in range(230, 250):
         shown.feed.player.seek(T + step * S // 30)

@@ -24,6 +24,8 @@ SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transfo
 #: The private names that are used, by the file that uses them: one file for each library.
 PRIVATE = {
     'puretf_tools/cli/parser.py': {'_option_string_actions'},  # argparse
+    'puretf/_bag/mcap_file.py': {'mcap.stream_reader.MAGIC_SIZE',
+                                 'mcap.stream_reader.breakup_chunk'},
     'puretf/_core/engine.py': {'_is_owned'},  # threading
     'puretf/_ros/rclpy_private.py': {
         '_parameter_overrides', 'rclpy.impl.implementation_singleton'},

@@ -174,7 +174,7 @@ def page():
 def connected(page):
     """Connect a viewer, and wait until it has received the controls of the page."""
     with closing(Viewer(page.port)) as viewer:
-        viewer.until(lambda: viewer.text('tree') and any(
+        viewer.until(lambda: viewer.shown() and any(
             props.get('label') == 'Publish' for props in viewer.gui.values()), page.update)
         viewer.last.clear()
         yield viewer
@@ -187,7 +187,7 @@ def viewer(page):
         yield viewer
 
 
-def test_the_messages_of_the_page_have_effect(viewer):
+def test_the_messages_of_the_page_have_effect(page, viewer):
     """The connection stays open; a click may be on nothing that is there."""
     viewer.send(CAMERA)
     for place in [0.5, 0.5], [-1.0, 2**40], [float('nan'), 0.5]:
@@ -197,7 +197,7 @@ def test_the_messages_of_the_page_have_effect(viewer):
     viewer.set('Axis length (m)', 1)
     viewer.set('Frame', 'base')
     viewer.set('View', 'all')
-    viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'))
+    viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'), page.update)
 
 
 def setting(label, value):
@@ -228,8 +228,8 @@ NONSENSE = {
     'another attribute': lambda uuid: update(uuid(AXIS), update_cb=[]),
     **{f'{value!r} in {label}': setting(label, value) for label, value in (
         (AXIS, 'metre'), (AXIS, float('nan')), (AXIS, True), ('Frame timeout (s)', None),
-        ('Grid', 'x'), ('Search', 1), ('Fixed frame', 0), ('Time (s)', float('nan')),
-        ('Speed', '1e9'), (XYZ, [float('nan'), 0, 0]), (XYZ, [4]), (XYZ, [1, 2, 3, 4]),
+        ('Grid', 'x'), ('Include', 1), ('Fixed frame', 0),
+        (XYZ, [float('nan'), 0, 0]), (XYZ, [4]), (XYZ, [1, 2, 3, 4]),
         (XYZ, ['x', 0, 0]))},
     **{f'handles {i}': lambda _, changes=changes: {**DRAG, **changes}
        for i, changes in enumerate((
@@ -252,7 +252,7 @@ def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
             bad.until(lambda: False)
     viewer.send(CAMERA)
     viewer.set('View', 'all')
-    viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'))
+    viewer.until(partial(viewer.last.get, 'SetCameraLookAtMessage'), page.update)
     assert capfd.readouterr() == ('', '')
 
 

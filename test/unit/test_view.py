@@ -346,8 +346,9 @@ def test_texts():
     arm(buffer, T, 'map', '<script>', 'b')
     arm(buffer, T, 'w"orld', 'tree')
     text = details(placement, 'b', feed, buffer)
-    for part in ('<b data-value="parent">&lt;script&gt;</b>', '"rate">not known</td>',
-                 '"delay">1.23 ms</td>', '"publisher">/&lt;i&gt;</td>', f'{T // S}.000000000 s'):
+    for part in ('<b data-value="parent">&lt;script&gt;</b>', '"rate" title="">not known</td>',
+                 '"delay" title="">1.23 ms</td>', '"publisher" title="">/&lt;i&gt;</td>',
+                 f'"parent-time" title="{T // S}.000000000 s">{T // S}.000000000 s</td>'):
         assert part in text
     assert 'data-value="why">' not in text
     assert 'Could not find a connection' in details(placement, 'tree', feed, buffer)
@@ -388,7 +389,7 @@ def test_trees_that_change(page):
     shown.until(lambda: 'not connected to map: world' in viewer.text('overview'))
     shown.set('Frame', 'tree')
     shown.until(lambda: viewer.detail('parent') == 'world')
-    assert viewer.detail('parent-translation') == '1.000  0.000  0.000'
+    assert viewer.detail('parent-translation') == '1.000 0.000 0.000'
     assert not viewer.detail('fixed')  # its numbers would be equal
     for parent, child, x in ('map', 'left', 4.0), ('left', 'base', 1.0):
         buffer.insert(T + S, parent, child, pose(x))
@@ -398,34 +399,14 @@ def test_trees_that_change(page):
 
 
 def rows(viewer):
-    """Return the rows of the tree: the text of each, and its colour."""
-    colours = {(190, 30, 30): 'red', (133, 100, 0): 'yellow', (95, 100, 105): 'grey'}
-    return {props['label']: colours[(*props['color'],)] for props in viewer.gui.values()
-            if props.get('color') and props['visible']}
+    """Return the rows of the tree by their names: level, is unfolded, rate, age, hidden, marks."""
+    return {name: row for name, *row in viewer.shown().get('rows', ())}
 
 
 def shown_frames(viewer, placement):
     """Return the frames whose axes are drawn."""
     return {name for name, scale in zip(
         placement.names, viewer.axes('scales')) if scale > 0.0}
-
-
-def click_row(viewer, name):
-    """Click the row of a frame."""
-    viewer.send({'type': 'GuiUpdateMessage', 'uuid': next(
-        uuid for uuid, props in viewer.gui.items() if props.get('color') and props['visible']
-        and name in props['label'].split()), 'updates': {'value': True}})
-
-
-def bar(shown, action, name):
-    """Press a button of the bar, when it is for a frame."""
-    def found():
-        return [uuid for uuid, props in shown.viewer.gui.items()
-                if action in props.get('options', ()) and props['label'] == name]
-
-    shown.until(found)
-    shown.viewer.send({'type': 'GuiUpdateMessage', 'uuid': found()[0],
-                       'updates': {'value': action}})
 
 
 def look(shown):
@@ -450,42 +431,40 @@ def tree(page):
 
 
 def test_the_tree(tree, clock):
-    """It has a row for each frame, with its rate; what has become old is coloured."""
+    """It has a row for each frame, with its rate and its age in tenths of the frame timeout."""
     shown, _ = tree
-    assert rows(shown.viewer) == dict.fromkeys((
-        '▾ map  ', '  ▾ odom  static', '    ▾ base  10.0 Hz', '        hand  10.0 Hz ◀',
-        '    other  10.0 Hz'), 'grey')
+    assert rows(shown.viewer) == {
+        'map': [0, True, '', None, False, []], 'odom': [1, True, 'static', None, False, []],
+        'base': [2, True, '10.0 Hz', 0, False, []], 'hand': [3, None, '10.0 Hz', 0, False, []],
+        'other': [1, None, '10.0 Hz', 0, False, []]}
+    assert shown.viewer.shown()['selected'] == 'hand'
+    assert shown.viewer.shown()['status'] == ['fixed frame map', '5 frames', '0.0 s']
     clock[0] += 7.0
-    shown.until(lambda: rows(shown.viewer) == {
-        '▾ map  ': 'grey', '  ▾ odom  static': 'grey', '    ▾ base  no update for 7 s': 'yellow',
-        '        hand  no update for 7 s ◀': 'yellow', '    other  no update for 7 s': 'yellow'})
+    shown.until(lambda: rows(shown.viewer)['hand'] == [3, None, 'silent for 7 s', 5, False, []])
+    shown.until(lambda: shown.viewer.detail('rate') == 'silent for 7 s')
 
 
 def test_rows_fold(tree):
-    """A click selects, a second one folds; what is clicked in the scene is unfolded."""
+    """They fold and unfold; the page keeps which."""
     shown, _ = tree
-    viewer = shown.viewer
-    click_row(viewer, 'odom')
-    shown.until(lambda: viewer.value('Frame') == 'odom')
-    assert len(rows(viewer)) == 5
-    shown.step()
-    click_row(viewer, 'odom')
-    shown.until(lambda: rows(viewer).keys() == {
-        '▾ map  ', '  ▸ odom  static ◀', '    other  10.0 Hz'})
-    look(shown)
-    viewer.click(viewer.names()['hand'])
-    shown.until(lambda: '        hand  10.0 Hz ◀' in rows(viewer))
+    for is_open in False, True:
+        shown.act('fold', 'odom')
+        shown.until(lambda: rows(shown.viewer)['odom'][1] is is_open)  # noqa: B023
 
 
-def test_the_search(tree):
-    """It leaves the rows with all words in their names, and those above them."""
+@pytest.mark.parametrize('text', [
+    '', 'select', '1', '1 select', '1 select no_such', '1 fold \ud7ff', '1 finding', '1 step',
+    '1 view behind', '1 kept', '1 speed 1', '1 a b c', ' ' * 99, 'x' * 60_000])
+def test_nonsense_that_a_viewer_sends(tree, text):
+    """It has no effect: the page goes on."""
+    from viewer import update
     shown, _ = tree
-    shown.set('Search', 'Se BaS -h')
-    shown.until(lambda: [text.split()[1] for text in rows(shown.viewer)] == [
-        'map', 'odom', 'base'])
-    assert '3 of 5 frames' in shown.viewer.text('tree')
-    shown.set('Search', 'x')
-    shown.until(lambda: not rows(shown.viewer))
+    before = rows(shown.viewer)
+    shown.viewer.send(update(shown.viewer.shown()['events'], value=text))
+    shown.viewer.act('select', 'map')
+    shown.until(lambda: shown.viewer.value('Frame') == 'map')
+    shown.until(lambda: shown.viewer.shown()['selected'] == 'map')
+    assert rows(shown.viewer) == before
 
 
 @pytest.mark.parametrize(('text', 'found'), [
@@ -503,21 +482,18 @@ def test_words_that_are_searched_for(text, found):
 
 
 def test_frames_are_hidden(tree):
-    """By the bar, alone or with their branches, or by filters; their bodies are not."""
+    """Alone or with their branches, or by filters; their bodies are not."""
     shown, placement = tree
     viewer = shown.viewer
-    click_row(viewer, 'odom')
-    shown.until(lambda: viewer.value('Frame') == 'odom')
-    shown.step()
-    bar(shown, 'hide its branch', 'odom')
+    viewer.act('branch', 'odom')
     shown.until(lambda: shown_frames(viewer, placement) == {'map', 'other'})
     assert not {'odom', 'base', 'hand'} & viewer.names().keys()
-    shown.until(lambda: '    ▾ base  hidden' in rows(viewer))
-    bar(shown, 'show its branch', 'odom')
-    bar(shown, 'hide', 'odom')
+    shown.until(lambda: rows(viewer)['base'][2:] == ['hidden', 0, True, []])
+    viewer.act('branch', 'odom')
+    viewer.act('hide', 'odom')
     shown.until(lambda: shown_frames(viewer, placement) == {'map', 'base', 'hand', 'other'})
-    shown.step()
-    bar(shown, 'show', 'odom')
+    viewer.act('select', 'odom')
+    viewer.press('H')
     shown.set('Include', 'a')
     shown.set('Exclude', 'nd HA')
     shown.until(lambda: shown_frames(viewer, placement) == {'map', 'base'})
@@ -525,19 +501,6 @@ def test_frames_are_hidden(tree):
     shown.set('Exclude', '')
     shown.set('Include', '')
     shown.until(lambda: len(shown_frames(viewer, placement)) == 5)
-
-
-def test_a_tree_of_many_frames(page):
-    """It has at most 200 rows, and says so."""
-    buffer = TransformBuffer()
-    for i in range(210):
-        buffer.insert(T, 'map', f'post_{i:03}', pose(i), is_static=True)
-    shown = page(buffer)
-    viewer = shown.viewer
-    shown.until(lambda: '211 of 211 frames; 11 more have no row: search' in viewer.text('tree'))
-    shown.until(lambda: len(rows(viewer)) == 200)
-    shown.set('Search', 'post_209')
-    shown.until(lambda: len(rows(viewer)) == 2)
 
 
 def test_what_is_displayed(page, clock):
@@ -558,7 +521,7 @@ def test_what_is_displayed(page, clock):
     shown.until(lambda: not viewer.nodes['/world/grid']['visible'])
     viewer.set('View', 'top')  # from far, with a narrow angle
     shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 30.0)
-    assert viewer.last['SetCameraFovMessage']['fov'] == 0.1
+    shown.until(lambda: viewer.last['SetCameraFovMessage']['fov'] == 0.1)
     shown.set('Dark', True)
     shown.until(lambda: viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
     clock[0] += 6.0
@@ -869,14 +832,14 @@ def test_silences_are_remembered_while_viewers_look_back(page, clock):
         buffer.insert(T + second * S, 'base', 'hand', pose(1.0))
     shown = page(buffer)
     shown.until(lambda: len(shown.viewer.names()) == 3)
-    shown.set('Pause', True)
+    shown.act('pause')
     shown.update()
     shown.set('Back (s)', 1.0)
     shown.update()
     buffer.insert(T + 2 * S, 'base', 'hand', pose(1.0))
     shown.update()
     clock[0] += 16.0
-    shown.set('Pause', False)
+    shown.act('pause')
     shown.until(lambda: shown.viewer.names().keys() == {'map', 'base'})
 
 
@@ -891,7 +854,7 @@ def test_frames_that_fade_and_return(page, clock):
     shown.until(lambda: len(viewer.trail()) and len(viewer.names()) == 3)
     clock[0] += 12.5
     shown.until(lambda: viewer.axes('scales')[2] < 0.9)
-    shown.until(lambda: viewer.detail('rate') == 'no update for 13 s')
+    shown.until(lambda: viewer.detail('rate') == 'silent for 13 s')
     for name in 'base', 'hand':
         shown.set('Frame', name)
     clock[0] += 3.0
@@ -900,11 +863,12 @@ def test_frames_that_fade_and_return(page, clock):
     assert len(viewer.nodes['/world/lines']['points']) == 6
     why = 'no transform with a newer stamp has arrived for 15 s'
     shown.until(lambda: f'not shown, because {why}: hand<' in viewer.text('overview'))
+    assert '2 frames' in viewer.shown()['status']
     assert '>2 of 3 frames<' in viewer.text('overview')
     shown.until(lambda: f'hand is not available: {why}.' in viewer.text('details'))
-    shown.set('Pause', True)  # so it is drawn as at the end
+    shown.act('pause')  # so it is drawn as at the end
     shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
-    shown.set('Pause', False)
+    shown.act('pause')
     arm(buffer, T + 16 * S, 'base', 'hand')
     shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
     shown.until(lambda: viewer.axes('scales')[2] == 1.5)  # it is selected
@@ -925,7 +889,7 @@ def test_a_long_pause(page, clock):
     shown.until(lambda: viewer.names().get('hand') == [31, 0, 0])
     choices = [(label, viewer.value(label)) for label in ('Frame', 'Trail of', 'Fixed frame')]
     assert [value for _, value in choices] == ['hand', 'hand', 'map']
-    shown.set('Pause', True)
+    shown.act('pause')
     shown.step()
     pass_by(31, 130)
     clock[0] += 99.0
@@ -941,10 +905,11 @@ def test_a_long_pause(page, clock):
     shown.set('B', 'hand')
     shown.until(lambda: '28.000' in viewer.text('pair'))
     shown.set('Fixed frame', '(automatic)')
-    assert viewer.get('Back (s)', 'disabled') is False
-    shown.set('Pause', False)
+    assert viewer.get('Back (s)', 'visible')
+    assert viewer.get('Live', 'options') == ['resume', 'reset']
+    shown.act('pause')
     shown.until(lambda: viewer.names().get('hand') == [130, 0, 0])
-    shown.until(lambda: viewer.value('Back (s)') == 0.0 and viewer.get('Back (s)', 'disabled'))
+    shown.until(lambda: viewer.value('Back (s)') == 0.0 and not viewer.get('Back (s)', 'visible'))
     assert [(label, viewer.value(label)) for label, _ in choices] == choices
 
 
@@ -1091,20 +1056,20 @@ def test_a_bag_is_played(page, clock):
     buffer.insert(T + 9 * S, 'map', 'late', pose(0.0))
     shown = page(BagFeed(buffer, 'bag'))
     viewer = shown.viewer
-    shown.until(lambda: '62 frames' in viewer.text('overview'))
+    shown.until(lambda: '62 frames' in viewer.shown().get('status', ()))
     assert viewer.last['SetGuiPanelLabelMessage']['label'] == 'bag'
     assert not viewer.names()
     assert not viewer.value('Show names')
     shown.set('Show names', True)
-    shown.set('Play', 'pause')
-    shown.set('Time (s)', 7)
+    shown.act('pause')
+    shown.act('seek', '7')
     shown.until(lambda: viewer.names().get('base') == [7, 0, 0] and any(
         name.startswith('post_') for name in viewer.names()))
     clock[0] += 5.0
     shown.update()
-    shown.set('Play', 'play')
+    shown.act('pause')
     shown.until(lambda: 7 < viewer.names().get('base', [0])[0] < 10)
-    shown.until(lambda: viewer.value('Time (s)') > 7)
+    shown.until(lambda: viewer.shown('bar')['position'] > 7)
     clock[0] += 5.0
     shown.until(lambda: viewer.names().get('base', [9])[0] < 5)  # it starts again
     shown.until(lambda: 'late' in viewer.get('Frame', 'options'))
@@ -1122,12 +1087,12 @@ def test_the_view_stays(page, clock):
     from viewer import Viewer
     shown = page(chain('map', 'base', 'hand'))
     viewer = shown.viewer
-    shown.until(lambda: viewer.text('tree'))
+    shown.until(lambda: viewer.shown())
     values = {'Frame': 'base', 'Fixed frame': 'base', 'Axis length (m)': 0.5, 'Grid': False,
               'Exclude': 'hand', 'Show names': False, 'Dark': True, 'A': 'map', 'B': 'hand'}
     for label, value in values.items():
         shown.set(label, value)
-    bar(shown, 'hide its branch', 'base')
+    shown.act('branch', 'base')
     look(shown)
     camera = [1.0, 0.0, -5.0, 1.0, 0.0, 0.0, 0.8]
     clock[0] += 2.0
@@ -1142,9 +1107,7 @@ def test_the_view_stays(page, clock):
     assert {label: other.value(label) for label in values} == values
     assert other.last['SetCameraPositionMessage']['position'] == camera[:3]
     other.until(lambda: other.last['ThemeConfigurationMessage']['dark_mode'], shown.update)
-    other.until(lambda: 'show its branch' in [
-        option for props in other.gui.values() for option in props.get('options', ())],
-        shown.update)
+    other.until(lambda: rows(other).get('base', [''] * 5)[4] is True, shown.update)
     other.close()
     viewer.press('R')  # forgets all of it
     shown.until(lambda: viewer.value('Frame') == 'hand' and viewer.value('Fixed frame') == 'map')
@@ -1154,37 +1117,13 @@ def test_the_view_stays(page, clock):
     shown.until(lambda: json_of(viewer)['Hidden branches'] == [])
 
 
-@pytest.mark.parametrize(('place', 'position'), [
-    (['float', 10, 20, 300, False], {'kind': 'float', 'x': 10, 'y': 20}),
-    (['left', 0, 0, 0, True], {'kind': 'edge', 'edge': 'left'}),
-    (['below', 0, 0, 300, False],
-     {'kind': 'split', 'side': 'below', 'anchor_uuid': 'viser-control-panel'})])
-def test_the_panels_stay(page, place, position):
-    """Where the browser had them last; what cannot be a place is ignored."""
-    shown = page(chain('map', 'base'), storage={'panels': json.dumps({
-        'main': ['right', 0, 0, 400, False], 'tree': place, 'other': 1})})
-    gui = shown.viewer.gui
-
-    def tree():
-        return next((props for uuid, props in gui.items()
-                     if 'position' in props and uuid != 'viser-control-panel'), {})
-
-    shown.until(lambda: tree().get('position') == position
-                and tree().get('collapsed', False) is place[4]
-                and tree().get('width') == (place[3] or 350)
-                and gui.get('viser-control-panel', {}).get('width') == 400)
-    shown.viewer.press('R')
-    shown.until(lambda: tree()['position'] == {'kind': 'edge', 'edge': 'left'}
-                and not tree().get('collapsed'))
-
-
 def test_a_view_is_copied_and_pasted(page):
     """As a line of JSON, also into the page of another one; what it does not say stays."""
     buffer = chain('map', 'base', 'hand')
     shown, other = page(buffer), page(buffer, view='{"Frame": "map", "Grid": false}')
     other.until(lambda: other.viewer.value('Frame') == 'map' and not other.viewer.value('Grid'))
     shown.set('Frame', 'base')
-    shown.viewer.set('Copy view', True)
+    shown.viewer.act('kept', 'copy view')
     shown.until(lambda: shown.viewer.text('view'))
     text, = re.findall('data-text="view"[^>]*>([^<]*)<', shown.viewer.text('view'))
     other.set('Paste view', unescape(text))
@@ -1335,12 +1274,12 @@ def test_the_keys(page):
     for key, x in ('B', 9), ('B', 8), ('N', 9), ('P', 10):
         viewer.press(key)
         shown.until(lambda: viewer.names().get('base') == [x, 0, 0])  # noqa: B023
-    assert not viewer.value('Pause')
+    assert viewer.get('Live', 'options') == ['pause', 'reset']
     for key in 'F', 'A', 'T':
         viewer.last.clear()
         viewer.press(key)
         shown.until(lambda: 'SetCameraPositionMessage' in viewer.last)
-    viewer.set('Transforms', 'reset')
+    viewer.set('Live', 'reset')
     shown.until(lambda: 'no frames yet' in viewer.text('overview'))
 
 
@@ -1395,4 +1334,4 @@ def test_a_camera_that_cannot_be_turned(page, changes):
     shown.until(lambda: shown.viewer.last.get('SetCameraLookAtMessage', {}).get('look_at')
                 == pytest.approx(shown.server.initial_camera.look_at))
     other.close()
-    shown.set('Pause', True)
+    shown.act('pause')

@@ -89,6 +89,15 @@ def test_only_the_event_loop_sets_the_event_for_which_it_waits():
             function)
 
 
+def test_a_control_is_known_by_its_uuid():
+    """Messages of the page change it by this."""
+    from puretf_tools.view.server import serve
+    from puretf_tools.view.viser_private import uuid_of
+    with serve('127.0.0.1') as server:
+        text = server.gui.add_text('', '', visible=False)
+        assert server.gui._gui_input_handle_from_uuid[uuid_of(text)] is text
+
+
 CLIENT = Path(viser.__file__).parent / 'client'
 
 

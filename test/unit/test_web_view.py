@@ -59,7 +59,7 @@ def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
     assert code == 1
     assert error.startswith(f'web_view: cannot read {path}: No such file' if text is None else (
         f'web_view: {path}: Grid must be true or false' if 'Grid' in text else
-        f'web_view: {path}: this is no view: copy the line that "Copy view" shows'))
+        f'web_view: {path}: this is no view: copy the line that "copy view" shows'))
 
 
 def test_without_viser(bag):
