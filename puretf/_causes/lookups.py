@@ -469,7 +469,7 @@ def _other_clock(facts: Facts) -> Iterator[Evidence]:
              'If this is not on purpose, synchronise the clocks of the computers.'})
 
 
-@_rule('gap', 'Start {node} again.', 'future', ['future'])
+@_rule('gap', 'Start {node} again.', 'gap', ['future'])
 def _gap(facts: Facts) -> Iterator[Evidence]:
     around = facts.around
     node = around.ended.get(facts.edge.authority, '')

@@ -88,7 +88,7 @@ class Body:
         self._robots: dict[str, _Robot] = {}  # by topic
         # The name of a node must not depend on that of its link, which can have slashes.
         self._node_numbers = count()
-        self._progress: Sequence[str] = ()  # while there are meshes that are not drawn yet
+        self.progress: Sequence[str] = ()  #: a text while there are meshes that are not drawn yet
         self._opacity = 1.0
 
     def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
@@ -122,12 +122,12 @@ class Body:
                     part.node.visible = False
         self._add_some(waiting)
         left = sum(shape.kind == 'mesh' for *_, shape in waiting)
-        self._progress = [f'meshes: {total - left} of {total}'] * (left > 0)
+        self.progress = [f'meshes: {total - left} of {total}'] * (left > 0)
 
     def lines(self) -> tuple[list[str], list[str]]:
         """Return what the panel says of descriptions, and of each mesh that cannot be drawn."""
-        return [*self._progress, *(line for topic, each in self._descriptions.items() for line in (
-            [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines()))], [
+        return [line for topic, each in self._descriptions.items() for line in (
+            [f'{topic}: {each}'] if isinstance(each, str) else self._robots[topic].lines())], [
             line for robot in self._robots.values() for line in robot.problems]
 
     def _replace(self, descriptions: Descriptions) -> None:

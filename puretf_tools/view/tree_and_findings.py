@@ -41,11 +41,12 @@ class Tree:
             name in self.sets['hide'] or not passes(name) or (branches and
             not branches.isdisjoint(self_and_ancestors(name, placement.frames)))))
 
-    def update(self, placement: Placement, selected: str, hidden: frozenset[str], now: float
-               ) -> bool:
+    def update(self, placement: Placement, selected: str, hidden: frozenset[str],
+               progress: Sequence[str], now: float) -> bool:
         """
         Show the rows: at once if the viewer has changed something, and twice a second.
 
+        :param progress: further texts for the line at the foot.
         :returns: whether they are shown anew.
         """
         key = selected, hidden, frozenset(self.sets['fold'])
@@ -61,7 +62,7 @@ class Tree:
                  _since(finding, now), finding.over > 0.0) for finding in findings],
             'verdict': self._feed.verdict, 'more': len(self._feed.findings) - len(findings),
             'status': [f'fixed frame {visible(placement.fixed) or "none"}',
-                       f'{count} frame{"" if count == 1 else "s"}',
+                       f'{count} frame{"" if count == 1 else "s"}', *progress,
                        f'{self._feed.now() / SECOND:.1f} s']}))
         return True
 

@@ -228,7 +228,7 @@ class Viewer:
         hidden = panel.tree.hidden(placement, panel.display.passes())
         display = panel.display.display(hidden)
         self._shown = placement, display
-        if panel.tree.update(placement, selected, hidden, now):
+        if panel.tree.update(placement, selected, hidden, self._scene.body.progress, now):
             change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
             change(panel.details, content=details(
                 placement, selected, self._feed, self._buffer))

@@ -309,10 +309,10 @@ def test_large_meshes_come_last(page, tmp_path, monkeypatch):
     def update():
         shown.clock[0] += 1.0
         shown.update()
-        said.add(shown.viewer.text('robot').partition('<br>')[0].partition('>')[2])
+        said.update(shown.viewer.shown()['status'])
 
-    shown.viewer.until(lambda: len(drawn(shown)) == 4 and 'meshes' not in shown.viewer.text(
-        'robot'), update)
+    shown.viewer.until(lambda: len(drawn(shown)) == 4 and not any(
+        'meshes' in text for text in shown.viewer.shown()['status']), update)
     (shapes,) = parts(shown).values()
     assert [shape['faces'].size // 3 for shape in shapes] == sorted(sizes)
     assert {'meshes: 1 of 4', 'meshes: 2 of 4', 'meshes: 3 of 4'} <= said
