@@ -30,8 +30,6 @@ class ArmMessage(NamedTuple):
 
 
 class Messages(list[ArmMessage]):
-    """The messages of an arm."""
-
     size = 0  #: the number of their transforms
 
     def add(self, message: Any) -> None:

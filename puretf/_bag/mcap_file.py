@@ -157,7 +157,6 @@ class McapFile:
             raise ValueError('a record in a chunk is damaged') from None
 
     def _content(self, chunk: Any) -> Any:
-        """Return the bytes of a chunk."""
         if not isinstance(chunk, Chunk):
             raise ValueError('a chunk is not where the index in its summary says')
         size, limit, data = chunk.uncompressed_size, self._contents.max_bytes, chunk.data

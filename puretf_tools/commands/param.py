@@ -30,8 +30,6 @@ _STEP = 0.01
 
 
 class Parameters:
-    """The parameters of another node."""
-
     def __init__(self, node: Node, remote: str) -> None:
         self._remote = remote
         own = node.get_fully_qualified_name()

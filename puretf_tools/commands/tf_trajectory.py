@@ -266,11 +266,7 @@ def _stamps(found: Source, target: str, source_frame: str) -> NDArray[np.int64]:
 def _times(stamps: NDArray[np.int64], is_beyond: NDArray[np.bool_], span: tuple[int, int],
            every: Optional[int], start: Optional[When], stop: Optional[When]
            ) -> NDArray[np.int64]:
-    """
-    Return the times (ns) of the rows: stamps, or times at equal distances `every` (ns).
-
-    :param is_beyond: (n,): whether there can be no row at a stamp.
-    """
+    """Return the times of the rows (ns); `is_beyond`: whether there is none at a stamp."""
     first, last = int(stamps[0]), int(stamps[-1])
     low = start.within(span) if start else first
     high = stop.within(span) if stop else last
@@ -385,12 +381,7 @@ def _plot_path(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64],
 
 def _plot(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], holes: NDArray[np.int64],
           style: dict[str, Any], is_angle: bool = False, dashes: Optional[str] = None) -> None:
-    """
-    Draw a line, which has a gap where an angle jumps from 180 to -180 degrees, or back.
-
-    :param holes: the rows before which it is dashed.
-    :param dashes: what the legend says of this.
-    """
+    """Draw a line, dashed before some rows, with a gap where an angle jumps by 360 degrees."""
     jumps = np.flatnonzero(is_angle & (abs(np.diff(y)) > 180.0)) + 1
     (line,) = axes.plot(*(np.insert(each, np.union1d(jumps, holes), np.nan) for each in (x, y)),
                         **style)

@@ -203,12 +203,7 @@ class Observation:
 
     @cached_property
     def gaps(self) -> list[tuple[Track, NDArray[np.int64], bool]]:
-        """
-        The tracks with many or long gaps.
-
-        Each has the indices of its gaps, without those at which this program ran late or all nodes
-        were silent; if these leave nothing to be reported, all of them and True.
-        """
+        """By track with gaps: their indices but those when it was busy; or all of these, True."""
         found = []
         for track in self.tracks:
             stream, gaps = track.stream, track.stream.gaps
@@ -222,11 +217,7 @@ class Observation:
 
     def were_busy(self, begins: NDArray[np.int64], ends: NDArray[np.int64],
                   slack: float = SHORTEST_GAP) -> NDArray[np.bool_]:
-        """
-        Return for some times (ns) whether this program ran late then, or all nodes were silent.
-
-        :param slack: by how much the silence may begin later, or end earlier (ns).
-        """
+        """Return whether at some times (ns) this program was late, or all nodes were silent."""
         times, late = np.array([*self.late, (NEVER, 0)], np.int64).T
         sums, around = np.append(0, np.cumsum(late)), np.array([begins - _AROUND, ends + _AROUND])
         lost = np.diff(sums[times.searchsorted(around)], axis=0)[0]
@@ -343,7 +334,6 @@ class BagObserver:
             self.counted()
 
     def counted(self) -> Statistics:
-        """Return the statistics of the messages so far."""
         self._statistics.add_messages(self._waiting)
         self._waiting, self._size = [], 0
         return self._statistics

@@ -82,8 +82,6 @@ class Track:
 
 
 class Statistics(Counts):
-    """The statistics of all tracks."""
-
     fields, most_tracks = _FIELDS, 10_000
 
     def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:

@@ -82,7 +82,6 @@ class Counts:
         self.count = self.not_counted = 0
 
     def add(self, table: TransformTable) -> None:
-        """Count transforms."""
         found = [self._number(table, *edge) for edge in table.edges]
         kept = [i for i, number in enumerate(found) if number is not None]
         if kept:

@@ -33,7 +33,6 @@ class JointPositions:
             self.set(name, position)
 
     def __getitem__(self, name: str) -> float:
-        """Return the position of a free joint."""
         return self._values[name]
 
     def set(self, name: str, position: float) -> None:

@@ -46,7 +46,6 @@ class JointControl:
             self._hold(name)
 
     def centre(self) -> None:
-        """Move each joint to its centre."""
         self.positions.centre()
         self._hold(*self.positions.free)
 

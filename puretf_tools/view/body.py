@@ -92,7 +92,6 @@ class Body:
         self._opacity = 1.0
 
     def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
-        """Draw the bodies at the frames."""
         if descriptions is not self._descriptions:
             self._replace(descriptions)
         if not self._robots:

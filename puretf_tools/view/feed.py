@@ -73,7 +73,6 @@ class Player:
         self.time = min(max(self.begin, time), self.end)
 
     def stop_at(self, time: int) -> None:
-        """Go to a time (ns), and pause."""
         self.seek(time)
         self.plays = False
 
@@ -133,8 +132,6 @@ class HandPublisher:
 
 
 class Feed:
-    """Where the frames come from."""
-
     name: str  #: as shown in the panel
     buffer: AnyBuffer
     player: Optional[Player] = None  #: the playback clock of a bag; None if the frames are live
@@ -166,7 +163,6 @@ class Feed:
             f'{abs(age):.2f} s {"ago" if age >= 0.0 else "ahead"}')
 
     def time_text(self, stamp: int) -> str:
-        """Write a stamp (ns) of a transform."""
         return f'{exact_time(stamp)} s'
 
     def hole(self, target: str, name: str) -> str:

@@ -119,7 +119,6 @@ class HandFrame:
         self._is_on.propose(False)
 
     def stop(self) -> None:
-        """Stop publishing the frame."""
         if self._publisher and self._published:
             self._publisher.stop(self._published.child_frame_id)
             self._published = None

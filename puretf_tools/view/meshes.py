@@ -48,8 +48,6 @@ class MeshError(Exception):
 
 
 class Mesh(NamedTuple):
-    """A mesh."""
-
     vertices: NDArray[np.float32]  #: (n, 3): x, y, z (m)
     faces: NDArray[np.uint32]  #: (m, 3): indices of vertices
     rgba: Optional[Rgba]  #: None if it has no color, or several ones

@@ -32,7 +32,6 @@ class Pair:
     """The transform between two frames that a viewer chooses: numbers, texts to copy, plots."""
 
     def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed) -> None:
-        """Add the controls to the current container."""
         self._feed = feed
         self.use(feed.buffer)
         self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
@@ -50,7 +49,6 @@ class Pair:
         self._end, self._plotted_end, self._next = 0, 0, 0.0
 
     def use(self, buffer: AnyBuffer) -> None:
-        """Take the transforms of another buffer."""
         self._buffer, self._track = buffer, Track(buffer)
 
     @property
@@ -60,7 +58,6 @@ class Pair:
         return a.chosen, b.chosen
 
     def choose(self, a: str, b: str) -> None:
-        """Choose both frames."""
         for choice, name in zip(self.choices, (a, b)):
             choice.choose(name)
 
@@ -110,7 +107,6 @@ class Pair:
         self._texts.content = _as_texts(transform) if transform else ''
 
     def time_at(self, seconds: float) -> int:
-        """Return a time in the plots (ns)."""
         return self._zero + round(seconds * SECOND)
 
     def _show_plots(self, end: Optional[int]) -> None:

@@ -128,7 +128,6 @@ class Panel:
             self.look_back(0.0, not self.is_paused)
 
     def look_back(self, seconds: float, is_paused: bool = True) -> None:
-        """Pause, and look back; or resume."""
         self.is_paused = is_paused
         change(self._live, options=(_RESUME if is_paused else _PAUSE, _RESET))
         change(self.back, visible=is_paused, value=min(max(seconds, 0.0), float(LENGTH)))
@@ -165,7 +164,6 @@ class DisplayPanel:
     """The controls of a `Display`."""
 
     def __init__(self, gui: viser.GuiApi, settings: Settings) -> None:
-        """Add the controls to the current container."""
         self._set_theme = partial(gui.configure_theme, show_logo=False, show_share_button=False)
         self._set_theme()
         self._include, self._exclude = (
@@ -194,5 +192,4 @@ class DisplayPanel:
         self._set_theme(dark_mode=event.target.value)
 
     def display(self, hidden: frozenset[str]) -> Display:
-        """Return what is to be drawn, without some frames."""
         return Display(hidden, *(control.value for control in self._drawn))

@@ -83,7 +83,6 @@ class Joints:
     """The sliders for the joints of one robot, which move at once."""
 
     def __init__(self, gui: viser.GuiApi, container: Any, source: JointControls) -> None:
-        """Add the controls to a tab or a folder."""
         self._gui, self._container, self._source = gui, container, source
         with container:
             self._status = gui.add_html('')
@@ -111,7 +110,6 @@ class Joints:
             control.set(slider.joint.name, slider.shown / slider.scale)
 
     def update(self) -> None:
-        """Show the robots and the positions."""
         topics = tuple(control.topic for control in self._source.controls)
         change(self._choice, options=topics or ('',), visible=len(topics) > 1)
         control = self._control = self._chosen

@@ -250,7 +250,6 @@ class Viewer:
             self.pace.store(self._settings.as_json())
 
     def _go_to(self, time: int) -> None:
-        """Show a time (ns), and pause."""
         if player := self._feed.player:
             player.stop_at(time)
         else:
@@ -327,7 +326,6 @@ class Pace:
         self._moves.put(move)
 
     def close(self) -> None:
-        """End the thread."""
         self._moves.put(None)
 
     def store(self, text: str) -> None:
