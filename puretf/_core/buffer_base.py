@@ -312,9 +312,10 @@ class BufferBase:
         :param until: use only samples up to this time (ns); 0: use all samples.
         :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
+        until = nanoseconds_or_int(until, 'until')
         with self._engine.reading():
-            until = nanoseconds_or_int(until, 'until')
-            return [frame for frame, _ in self._engine.tree.frames(until)]
+            found = self._engine.tree.frames(until)
+        return [frame for frame, _ in found]
 
     def all_frames_as_yaml(self) -> str:
         """Return all frames with a parent as YAML in tf2's format; '[]' if there is no frame."""

@@ -231,7 +231,7 @@ class Observation:
         """Return whether many transforms are late; `is_busy`: since the listener was busy."""
         stream = track.stream
         return stream.has_many('late') and is_busy != stream.has_many(
-            'late', self.were_busy(*stream.late_spans()).sum())
+            'late', int(self.were_busy(*stream.late_spans()).sum()))
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:
