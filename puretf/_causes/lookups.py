@@ -501,4 +501,4 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
                        {'argument': 'a larger max_samples'})
     if edge.has_dropped and edge.cache_time < age <= LONGEST_CACHE and _is_in_time(facts):
         yield Evidence(f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
-                       {'argument': f'cache_time={ceil(age / SECOND) + 1} s'})
+                       {'argument': f'a cache_time of {ceil(age / SECOND) + 1} s'})

@@ -178,7 +178,7 @@ FAULTY = [
           ('2.25 ', -315_964_782.0, 'GPS epoch'), ('2.24 ', 1868.0 - NOW / S, 'power-on'))
       for begin in (-3.0, LONG)),
     clock_off('', 4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),
-    clock_off('', -12.3, 'cache_too_short', words=('cache_time=14 s',), report=[
+    clock_off('', -12.3, 'cache_too_short', words=('cache_time of 14 s',), report=[
         'error message_too_old: laser', 'too old: when they arrive, their transforms are up to',
         'Send the messages sooner, or give the listener a cache_time of 14 s.']),
     clock_off('', -12.3, begin=-3.0, words=('No earlier transform was received',)),
@@ -358,7 +358,7 @@ FAULTY = [
         finds=['several_trees'], after=[{'senders': [
             DRIVER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}]),
     Situation('an old time', World([DRIVER]),
-              [Lookup('odom', 'base_link', ['cache_too_short'], ('cache_time=12 s',), at=-11.0)],
+              [Lookup('odom', 'base_link', ['cache_too_short'], ('cache_time of 12 s',), at=-11.0)],
               after=[{'cache_time': 12 * S}, {'at': -9.0}]),
     Situation('a time before all that was received', World([DRIVER._replace(begin=-3.0)]),
               [Lookup('odom', 'base_link', [], ('No earlier transform was received',), at=-5.0)]),
