@@ -9,6 +9,7 @@ from argparse import ArgumentParser
 import ast
 from contextlib import suppress
 from importlib import import_module
+from importlib.util import find_spec
 import re
 import sys
 from threading import RLock, Thread
@@ -24,8 +25,9 @@ SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transfo
 #: The private names that are used, by the file that uses them: one file for each library.
 PRIVATE = {
     'puretf_tools/cli/parser.py': {'_option_string_actions'},  # argparse
-    'puretf/_bag/mcap_file.py': {'mcap.stream_reader.MAGIC_SIZE',
-                                 'mcap.stream_reader.breakup_chunk'},
+    **({'puretf/_bag/mcap_file.py': {
+        'mcap.stream_reader.MAGIC_SIZE', 'mcap.stream_reader.breakup_chunk'}} if find_spec('mcap')
+       else {}),
     'puretf/_core/engine.py': {'_is_owned'},  # threading
     'puretf/_ros/rclpy_private.py': {
         '_parameter_overrides', 'rclpy.impl.implementation_singleton'},
