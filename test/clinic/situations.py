@@ -358,7 +358,8 @@ FAULTY = [
         finds=['several_trees'], after=[{'senders': [
             DRIVER, Sender('/lamp', ['world lamp']), Sender('/me', ['world odom'])]}]),
     Situation('an old time', World([DRIVER]),
-              [Lookup('odom', 'base_link', ['cache_too_short'], ('cache_time of 12 s',), at=-11.0)],
+              [Lookup('odom', 'base_link', ['cache_too_short'], ('of 12 s to the buffer',),
+                      at=-11.0)],
               after=[{'cache_time': 12 * S}, {'at': -9.0}]),
     Situation('a time before all that was received', World([DRIVER._replace(begin=-3.0)]),
               [Lookup('odom', 'base_link', [], ('No earlier transform was received',), at=-5.0)]),
