@@ -311,7 +311,7 @@ def test_the_path_between_two_frames(ros, make_node):
 
     publishers = [static.pub_tf, sender.pub_tf]
     code, output, _ = run(ros, 'camera', '/hand', send=send, publishers=publishers)
-    assert code == 0
+    assert code == 0, output
     lines = output.splitlines()
     rate = r' +\d+\.\d Hz  \d+\.\d{9} to \d+\.\d{9}  /test'
     for line, expected in zip(lines[2:5], (
