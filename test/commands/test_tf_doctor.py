@@ -310,7 +310,7 @@ def test_the_path_between_two_frames(ros, make_node):
                               *(stamped('base_link', 'mark', each * S) for each in (100, 102))])
 
     publishers = [static.pub_tf, sender.pub_tf]
-    code, output, _ = run(ros, 'camera', '/hand', send=send, publishers=publishers)
+    code, output, _ = run(ros, 'camera', '/hand', send=send, publishers=publishers, ticks=50)
     assert code == 0, output
     lines = output.splitlines()
     rate = r' +\d+\.\d Hz  \d+\.\d{9} to \d+\.\d{9}  /test'
