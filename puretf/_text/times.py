@@ -1,20 +1,25 @@
 """Times (ns) as seconds and as text."""
 
+from typing import Any
+
 #: One second (ns).
 SECOND = 1_000_000_000
 #: How long a buffer keeps transforms if nothing else is said (ns).
 CACHE_TIME = 10 * SECOND
 
 
-def in_seconds(time: int) -> float:
+def in_seconds(time: Any) -> float:
     """
     Convert nanoseconds to seconds with the rounding of tf2, as in `tf2::timeToSec`.
+
+    :param time: an integer (ns), or a time or duration of numpy.
 
     >>> in_seconds(1_500_000_000)
     1.5
     """
-    fraction = abs(time) % SECOND * (-1 if time < 0 else 1)
-    return (time - fraction) // SECOND + 1e-9 * fraction
+    number = _integer(time)
+    fraction = abs(number) % SECOND * (-1 if number < 0 else 1)
+    return (number - fraction) // SECOND + 1e-9 * fraction
 
 
 def display_time(time: int) -> str:
@@ -22,12 +27,19 @@ def display_time(time: int) -> str:
     return f'{in_seconds(time):.6f}'
 
 
-def exact_time(time: int) -> str:
+def exact_time(time: Any) -> str:
     """
-    Write a time (ns) as seconds with nine decimals, without rounding.
+    Write a time (ns, or one of numpy) as seconds with nine decimals, without rounding.
 
     >>> exact_time(1_700_000_000_000_000_001), exact_time(-1_500_000_000)
     ('1700000000.000000001', '-1.500000000')
     """
-    whole, fraction = divmod(abs(time), SECOND)
-    return f'{"-" if time < 0 else ""}{whole}.{fraction:09d}'
+    number = _integer(time)
+    whole, fraction = divmod(abs(number), SECOND)
+    return f'{"-" if number < 0 else ""}{whole}.{fraction:09d}'
+
+
+def _integer(time: Any) -> int:
+    kind = getattr(getattr(time, 'dtype', None), 'kind', '')  # numpy need not be there
+    integer: int = int(time.astype(f'{kind}8[ns]')) if kind in ('M', 'm') else time
+    return integer

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from puretf._core.times import nanoseconds, nanoseconds_or_int
-from puretf._text.times import display_time
+from puretf._text.times import display_time, exact_time, in_seconds
 
 
 @pytest.mark.parametrize('time', [
@@ -43,6 +43,8 @@ def test_times_of_numpy():
     """They are accepted with any unit that has whole ns; NaT is no time."""
     assert nanoseconds_or_int(np.datetime64('2023-11-14T22:13:20')) == 1_700_000_000 * 10**9
     assert nanoseconds_or_int(np.timedelta64(-20, 'ms')) == -20_000_000
+    assert exact_time(np.datetime64('2023-11-14T22:13:20')) == '1700000000.000000000'
+    assert in_seconds(np.timedelta64(-20, 'ms')) == -0.02
     with pytest.raises(ValueError, match='time must be valid, got NaT'):
         nanoseconds_or_int(np.datetime64('NaT'))
 
