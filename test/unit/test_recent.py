@@ -104,6 +104,14 @@ class Listened:
         return {each.code: each for each in self.recent.findings}
 
 
+@pytest.fixture(autouse=True, scope='module')
+def examinations_take_no_time():
+    """So they are not put off, however busy this computer is."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('puretf_tools.doctor.recent.thread_time', lambda: 0.0)
+        yield
+
+
 @pytest.fixture
 def listened():
     """A healthy robot: map, odom, base_link, arm."""
