@@ -1039,7 +1039,7 @@ def test_a_click_selects_a_frame(page, what):
     look(shown)
     viewer.click(place + ((0.0, 0.05, 0.0) if what == 'axis' else (0.05, -0.03, 0.0)))
     shown.until(lambda: viewer.detail('parent') == 'map')
-    assert viewer.axes('scales').tolist() == [1.0, 1.5, 1.0]
+    shown.until(lambda: viewer.axes('scales').tolist() == [1.0, 1.5, 1.0])
     viewer.click(place + (0.0, 0.6, 0.0))
     for _ in range(3):
         shown.step()
