@@ -719,7 +719,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
                 f'{_hole_text(worst, hole)}; {len(gaps[worst])} of {worst.stream.steps} steps '
                 f'from stamp to stamp are longer than {GAP} periods of '
                 f'{worst.stream.period / SECOND:.2g} s', group, time=hole.begin)
-    ended = _ended(observation)
+    ended = observation.ended
     for tracks in observation.by_publisher(ended.__contains__):
         silence = observation.until - min(track['last_time'] for track in tracks)
         node, name = _ended_node(observation, tracks[0]), observation.node_of(tracks[0])
@@ -739,18 +739,6 @@ def _hole_text(track: Track, step: Step) -> str:
             f'{exact_time(step.begin)}')
 
 
-def _ended(observation: Observation) -> set[Track]:
-    """Return the newest tracks of frames that were sent often, and are not any more."""
-    found = set()
-    for track in observation.newest.values():
-        stream, silence = track.stream, observation.until - track['last_time']
-        if stream.steps >= FEWEST and track['last_time'] and silence > max(
-                GAP * stream.period, SHORTEST_GAP) and not observation.were_busy(
-                    stream.arrivals[-1:], stream.arrivals[-1:] + silence).any():
-            found.add(track)
-    return found
-
-
 @_check('listener_busy', 'If nobody has paused it, look at the load and at the network of the '
         'computer that listens.', 'gap', severity=INFO, explains=('gap',))
 def _listener_busy(observation: Observation) -> Iterator[_Fault]:
@@ -768,7 +756,7 @@ def _listener_busy(observation: Observation) -> Iterator[_Fault]:
             f'nothing has arrived on any topic for {in_words(silence)}' if silence else
             f'this program was up to {in_words(lateness)} late'), [*paused, *late],
             time=paused[worst].begin if worst else 0, scope=[''])
-    ended, often = _ended(observation), [
+    ended, often = observation.ended, [
         track for track in observation.tracks if track.stream.steps >= FEWEST]
     times, nodes = [track['last_time'] for track in often], {*map(observation.node_of, ended)}
     if {*often} == ended and len(nodes) > 1 and np.ptp(times) < SECOND and {

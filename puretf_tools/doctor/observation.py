@@ -16,7 +16,7 @@ from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import judge, MessageTimes
-from puretf_tools.doctor.stream import Edge, GAP, NEVER, SHORTEST_GAP, Stream
+from puretf_tools.doctor.stream import Edge, FEWEST, GAP, NEVER, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.gaps import in_words
@@ -213,6 +213,18 @@ class Observation:
                                      max(SHORTEST_GAP, stream.period))
             is_busy = not stream.has_gaps(gaps[is_own])
             found.append((track, gaps if is_busy else gaps[is_own], is_busy))
+        return found
+
+    @cached_property
+    def ended(self) -> set[Track]:
+        """The newest tracks of frames that were sent often, and are not any more."""
+        found = set()
+        for track in self.newest.values():
+            stream, silence = track.stream, self.until - track['last_time']
+            if stream.steps >= FEWEST and track['last_time'] and silence > max(
+                    GAP * stream.period, SHORTEST_GAP) and not self.were_busy(
+                        stream.arrivals[-1:], stream.arrivals[-1:] + silence).any():
+                found.add(track)
         return found
 
     def were_busy(self, begins: NDArray[np.int64], ends: NDArray[np.int64],
