@@ -213,8 +213,10 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     if found.listener:
         forget_signals()  # another one ends the command
     stamps = _stamps(found, *ends) if reader.stamps is None else reader.stamps
-    is_beyond, _ = gaps.beyond_ends(edges, stamps)
-    times = _times(stamps, is_beyond, found.span, every, start, stop)
+    if every is not None:  # from the first stamp on at which a row is possible
+        is_beyond, _ = gaps.beyond_ends(edges, stamps)
+        stamps = stamps[is_beyond.argmin():]
+    times = _times(stamps, found.span, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
     # There is no bar within a table on the terminal.
@@ -263,10 +265,9 @@ def _stamps(found: Source, target: str, source_frame: str) -> NDArray[np.int64]:
     return stamps
 
 
-def _times(stamps: NDArray[np.int64], is_beyond: NDArray[np.bool_], span: tuple[int, int],
-           every: Optional[int], start: Optional[When], stop: Optional[When]
-           ) -> NDArray[np.int64]:
-    """Return the times of the rows (ns); `is_beyond`: whether there is none at a stamp."""
+def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int],
+           start: Optional[When], stop: Optional[When]) -> NDArray[np.int64]:
+    """Return the times (ns) of the rows: stamps, or times at equal distances `every` (ns)."""
     first, last = int(stamps[0]), int(stamps[-1])
     low = start.within(span) if start else first
     high = stop.within(span) if stop else last
@@ -274,7 +275,6 @@ def _times(stamps: NDArray[np.int64], is_beyond: NDArray[np.bool_], span: tuple[
         raise UsageError('--start must not be after --stop')
     first, last = max(first, low), min(last, high)
     if every is not None:
-        first = max(first, *stamps[~is_beyond][:1].tolist())
         count = max(0, (last - first) // every + 1)
         if count > MAX_ROWS:
             raise UsageError(f'--every {every / SECOND:g} would give {count} rows, and at most '
