@@ -37,7 +37,8 @@ class McapFile:
         self._path, self._contents, self._size = path, contents, path.stat().st_size
         self._schemas = {0: Schema(0, b'', '', '')}
         self._topics: dict[int, Topic] = {}  # by channel
-        #: The numbers of messages by channel: those that were found, and by the statistics.
+        #: The numbers of messages by channel: those that were found, and those by the statistics;
+        #: one object if there are no statistics.
         self._counts = self._announced = Counter[int]()
 
     def records(self) -> Iterator[Item]:
