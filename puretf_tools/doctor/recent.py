@@ -118,9 +118,10 @@ class RecentFindings:
                 since=since, over=(over or max(since, now - _LAST)) if is_over else 0.0))
         self.findings = sorted(findings, key=lambda each: (
             each.over > 0.0, SEVERITIES.index(each.severity), each.code, each.frames))
-        count, clock = len(findings), self._listener.clock_text()
+        over, clock = sum(each.over > 0.0 for each in findings), self._listener.clock_text()
+        count, span = len(findings) - over, f'in the last {_LENGTH:.0f} s'
         self.verdict = (f'{count} finding{"" if count == 1 else "s"}' if count else 'healthy') + (
-            f' in the last {_LENGTH:.0f} s{clock and f"; {clock}"}')
+            f'; over {span}: {over}' if over else f' {span}') + (clock and f'; {clock}')
 
 
 def _keys(table: TransformTable) -> Iterator[tuple[str, bool, str]]:

@@ -99,11 +99,10 @@ def _pose(prefix: str, feed: Feed, stamp: int, translation: Floats, rotation: Fl
     """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
     when, full = (feed.ago(stamp), feed.time_text(stamp)) if stamp else ('all times', '')
     angles = [degrees(angle) for angle in euler_from_quaternion((*rotation.tolist(),))]
-    return _row(f'{prefix}-time', 'time', when, full) + _cells('', '', 'xyzw') + ''.join(
-        _cells(f'{prefix}-{key}', label, [fixed_point(value, digits) for value in numbers])
-        for key, label, numbers, digits in (
-            ('translation', 'position (m)', translation.tolist(), 3),
-            ('quaternion', 'quaternion', rotation.tolist(), 4), ('rpy', 'RPY (°)', angles, 2)))
+    return _row(f'{prefix}-time', 'time', when, full) + _cells('', '', 'xyzw') + (
+        numbers(f'{prefix}-translation', 'position (m)', translation.tolist(), 3)
+        + numbers(f'{prefix}-quaternion', 'quaternion', rotation.tolist(), 4)
+        + numbers(f'{prefix}-rpy', 'RPY (°)', angles, 2))
 
 
 def _title(key: str, name: str, text: str) -> str:
@@ -118,6 +117,11 @@ def _wide(text: str) -> str:
 def _row(key: str, label: str, value: str, title: str = '') -> str:
     return (f'<tr><td>{label}</td><td colspan="4" data-value="{key}" title="{escaped(title)}">'
             f'{escaped(value)}</td></tr>')
+
+
+def numbers(key: str, label: str, values: Iterable[float], digits: int) -> str:
+    """Return a row of numbers."""
+    return _cells(key, label, [fixed_point(value, digits) for value in values])
 
 
 def _cells(key: str, label: str, texts: Iterable[str]) -> str:

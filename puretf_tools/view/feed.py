@@ -124,7 +124,7 @@ class HandPublisher:
         # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
         is_own = name in self._published and (
             not publisher.startswith('/')
-            or publisher == self._frame_listener.node.get_fully_qualified_name())
+            or publisher == listener.node.get_fully_qualified_name())
         # A frame whose publisher has ended can be published by another one.
         if is_own or listener.is_present(gid) is False:
             return ''

@@ -265,13 +265,13 @@ const drawStatus = () => {
   // A server that has ended closes the connection, and viser dims; a network that is down does not.
   const values = document.querySelector('[data-tf]');
   const link = values?.closest('[style*="opacity: 0.5"]') ? 'connection' : 'update';
-  const bad = state.findings.filter(([severity, , , , , isOver]) => severity != 'info' && !isOver);
-  const worst = bad.some(([severity]) => severity == 'error') ? 'error' : 'warning';
-  const health = bad.length ? `${bad.length} finding${bad.length > 1 ? 's' : ''}`
+  const found = state.findings.filter(([, , , , , isOver]) => !isOver).map(([each]) => each);
+  const worst = ['error', 'warning'].find((each) => found.includes(each)) ?? 'ok';
+  const health = found.length ? `${found.length} finding${found.length > 1 ? 's' : ''}`
     : state.verdict ? 'healthy' : 'not examined yet';
   const parts = isLost ? [[`no ${link} for ${late.toFixed(0)} s`, 'error']] : [['connected', 'ok']];
   parts.push(...state.status.map((text) => [text]));
-  if (!isLost) parts.splice(-1, 0, [health, bad.length ? worst : state.verdict ? 'ok' : '']);
+  if (!isLost) parts.splice(-1, 0, [health, state.verdict ? worst : '']);
   const key = JSON.stringify(parts);
   if (status.key == key) return;
   status.key = key;

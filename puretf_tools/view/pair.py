@@ -10,10 +10,9 @@ import viser
 from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.gaps import AnyBuffer
-from puretf_tools.inspection.terminal import fixed_point
 from puretf_tools.view.axes_and_trail import STEP, Track
 from puretf_tools.view.controls import copied, FrameChoice, html
-from puretf_tools.view.details import command_line
+from puretf_tools.view.details import command_line, numbers
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Floats
 from puretf_tools.view.settings import Settings, SPANS
@@ -160,13 +159,13 @@ def _as_table(transform: Transform, time_text: Callable[[int], str]) -> str:
     angles = euler_from_quaternion(rotation)
     time = time_text(stamp) if stamp else 'all times'
     first, *others = transform.matrix().tolist()
-    rows = ''.join((
-        _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),
-        _row('distance (m)', [hypot(*translation)], 3),
-        _row('angle (°)', [degrees(2.0 * atan2(hypot(*rotation[:3]), abs(rotation[3])))], 2),
-        _row('RPY (°)', map(degrees, angles), 2), _row('RPY (rad)', angles, 4),
-        _row('matrix', first, 3), *(_row('', row, 3) for row in others)))
-    return (f'<table class="tf-text" data-text="pair">'
+    angle = 2.0 * atan2(hypot(*rotation[:3]), abs(rotation[3]))
+    rows = ''.join(numbers('pair', *row) for row in (
+        ('translation (m)', translation, 3), ('quaternion', rotation, 4),
+        ('distance (m)', [hypot(*translation)], 3), ('angle (°)', [degrees(angle)], 2),
+        ('RPY (°)', map(degrees, angles), 2), ('RPY (rad)', angles, 4),
+        ('matrix', first, 3), *(('', row, 3) for row in others)))
+    return (f'<table class="tf-details" data-text="pair">'
             f'<tr><td>time</td><td colspan="4">{time}</td></tr>{rows}</table>')
 
 
@@ -180,9 +179,3 @@ def _as_texts(transform: Transform) -> str:
         texts.insert(0, command_line(a, b, zip(
             ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*translation, *rotation))))
     return ''.join(copied(text, 'copy') for text in texts)
-
-
-def _row(label: str, values: Iterable[float], precision: int) -> str:
-    cells = ''.join('<td style="text-align: right; padding-left: .4em; overflow-wrap: normal">'
-                    f'{fixed_point(value, precision)}</td>' for value in values)
-    return f'<tr><td style="opacity: .7">{label}</td>{cells}</tr>'

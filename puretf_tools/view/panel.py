@@ -1,6 +1,5 @@
 """The panel beside the scene: the controls and texts of one viewer."""
 
-from collections import deque
 from collections.abc import Awaitable, Callable
 from functools import partial
 from html import escape
@@ -19,7 +18,7 @@ from puretf_tools.view.placement import Placement, TIMEOUT
 from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.scene import MOST_NAMES
 from puretf_tools.view.settings import Settings
-from puretf_tools.view.tree_and_findings import has_words, Tree, words_of
+from puretf_tools.view.tree_and_findings import Tree
 from puretf_tools.view.viser_private import uuid_of
 
 #: This long (s) after the first dynamic frame has appeared, most others have.
@@ -45,8 +44,10 @@ _KEYS = {'P': ('Pause or resume', 'pause', ''), 'B': ('Step back', 'step', 'back
 class Panel:
     """The controls and texts of one viewer."""
 
-    def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings) -> None:
-        gui = client.gui
+    def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings,
+                 act: Callable[[str, str], object]) -> None:
+        """Add all controls; `act`: called with an action of the viewer, and what it is about."""
+        gui, self._act = client.gui, act
         gui.add_html(_ADDITIONS)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(300.0)  # pixels
@@ -55,8 +56,6 @@ class Panel:
         self._proposal = ''  # the frame with details and a trail, until the viewer chooses
         self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
-        #: What the viewer has done: an action, and what it is about.
-        self.events: deque[tuple[str, str]] = deque(maxlen=100)
         page = gui.add_text('', '', visible=False)
         page.on_update(self._on_page)
         # What page.js reads is in a panel that nobody sees or folds: what is folded is not there.
@@ -99,12 +98,12 @@ class Panel:
     async def _on_page(self, event: 'viser.GuiEvent[Any]') -> None:
         # A number, the action, and what it is about: of others, nothing is known by this name.
         action, _, what = event.target.value.partition(' ')[2].partition(' ')
-        self.events.append((action, what))
+        self._act(action, what)
 
     def _put(self, action: str, what: Optional[str] = None) -> Callable[[Any], Awaitable[None]]:
-        """Return a callback that appends an event; None: it is about the button of a group."""
+        """Return a callback that acts; None: on the button of a group."""
         async def put(event: Any) -> None:
-            self.events.append((action, event.target.value if what is None else what))
+            self._act(action, event.target.value if what is None else what)
         return put
 
     async def _on_paste(self, event: 'viser.GuiEvent[Any]') -> None:
@@ -166,8 +165,7 @@ class DisplayPanel:
     def __init__(self, gui: viser.GuiApi, settings: Settings) -> None:
         self._set_theme = partial(gui.configure_theme, show_logo=False, show_share_button=False)
         self._set_theme()
-        self._include, self._exclude = (
-            settings.control(gui.add_text(label, '')) for label in ('Include', 'Exclude'))
+        self.include = settings.control(gui.add_text('Include', ''))
         axes = settings.control(gui.add_checkbox('Axes', True))
         size = settings.slider(gui, 'Axis length (m)', 0.02, Display().size)
         lines = settings.control(gui.add_checkbox('Lines to parents', True))
@@ -181,12 +179,6 @@ class DisplayPanel:
             settings.slider(gui, 'Opacity', 0.05, 1.0)]
         #: In the order of a `Display`.
         self._drawn = size, axes, lines, self.names, grid, dark, *bodies
-
-    def passes(self) -> Callable[[str], bool]:
-        """Return a function that says whether the name of a frame passes the filters."""
-        include, exclude = (words_of(box.value) for box in (self._include, self._exclude))
-        return lambda name: has_words(name, include) and not (
-            exclude and has_words(name, exclude))
 
     async def _on_dark(self, event: 'viser.GuiEvent[Any]') -> None:
         self._set_theme(dark_mode=event.target.value)

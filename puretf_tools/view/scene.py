@@ -1,6 +1,5 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
-from collections import deque
 from collections.abc import Callable, Collection
 from functools import partial
 from itertools import count
@@ -45,8 +44,9 @@ _Label = tuple[str, Floats]
 class Scene:
     """The three-dimensional view of the frames, of one viewer or of all."""
 
-    def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer], meshes: Meshes
-                 ) -> None:
+    def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer], meshes: Meshes,
+                 act: Callable[[str, str], object] = lambda action, name: None) -> None:
+        """Draw nothing yet; `act`: called with 'select' or 'pair' when a frame is clicked."""
         self._scene, self._owner = owner.scene, owner
         #: Everything is drawn in this node; its yaw (rad) and its position in the scene (m).
         self._world = owner.scene.add_frame(WORLD, show_axes=False)
@@ -67,13 +67,11 @@ class Scene:
         self._moves: list[tuple[Any, ...]] = []
         #: The last placement, how it was drawn, and the labels, for clicks.
         self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
-        #: The frame that was clicked last, until somebody takes it; and with the key Shift.
-        self.clicks: deque[str] = deque(maxlen=1)
-        self.shift_clicks: deque[str] = deque(maxlen=1)
-        self.body = Body(self._scene, meshes, self.clicks.append, self._put)
+        self._act = act
+        self.body = Body(self._scene, meshes, partial(act, 'select'), self._put)
         if isinstance(owner, viser.ClientHandle):
-            owner.scene.on_click()(partial(self._on_click, self.clicks))
-            owner.scene.on_click(modifier='shift')(partial(self._on_click, self.shift_clicks))
+            owner.scene.on_click()(partial(self._on_click, 'select'))
+            owner.scene.on_click(modifier='shift')(partial(self._on_click, 'pair'))
 
     def show(self, placement: Placement, display: Display, selected: Collection[str],
              trail: Pieces, descriptions: Descriptions, follow: str = '', with_yaw: bool = False,
@@ -177,10 +175,10 @@ class Scene:
             self._segments[name] = self._scene.add_line_segments(
                 f'{WORLD}/{name}', points, colour, thickness=width, thickness_units='screen')
 
-    async def _on_click(self, clicks: 'deque[str]', event: viser.SceneClickEvent) -> None:
+    async def _on_click(self, action: str, event: viser.SceneClickEvent) -> None:
         x, y = np.multiply(event.screen_pos, page_size(event.client.camera))
         if name := self._at(x, y, event.client.camera):
-            clicks.append(name)
+            self._act(action, name)
 
     def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:
         """Return the frame whose name or axes are drawn at a pixel; '' if there is none."""

@@ -43,7 +43,6 @@ def _is_camera(value: Any) -> bool:
 
 
 _FLAG: _Kind = lambda value: type(value) is bool, 'true or false'
-_TEXT: _Kind = _is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8'
 _FRAME: _Kind = (lambda value: value is None or _is_text(value),
                  f'the name of a frame, of at most {LONGEST_NAME} bytes in UTF-8, or null')
 _FRAMES: _Kind = (lambda value: type(value) is list and all(map(_is_text, value)),
@@ -56,7 +55,7 @@ _KINDS: dict[str, _Kind] = {
     **dict.fromkeys(('Axes', 'Lines to parents', 'Grid', 'Dark', 'Follow its yaw', 'Visual',
                      'Collision'), _FLAG),
     'Show names': (lambda value: type(value) in (bool, type(None)), 'true, false or null'),
-    **dict.fromkeys(('Include', 'Exclude'), _TEXT),
+    'Include': (_is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8'),
     **dict.fromkeys(('Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B'), _FRAME),
     **dict.fromkeys(('Hidden', 'Hidden branches', 'Folded'), _FRAMES),
     'Plot over': (lambda value: type(value) is str and value in SPANS,

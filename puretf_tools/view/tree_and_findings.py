@@ -1,6 +1,6 @@
 """The tree of frames, and what `tf_doctor` finds wrong with them, as page.js draws them."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from puretf import SECOND
@@ -34,9 +34,9 @@ class Tree:
         self.sets = {action: settings.names(name) for action, name in (
             ('hide', 'Hidden'), ('branch', 'Hidden branches'), ('fold', 'Folded'))}
 
-    def hidden(self, placement: Placement, passes: Callable[[str], bool]) -> frozenset[str]:
-        """Return the frames that are not to be drawn; `passes`: whether a name passes filters."""
-        branches = self.sets['branch']
+    def hidden(self, placement: Placement, words: str) -> frozenset[str]:
+        """Return the frames that are not to be drawn; `words`: those of the filter."""
+        branches, passes = self.sets['branch'], filter_of(words)
         return frozenset(name for name in placement.names if (
             name in self.sets['hide'] or not passes(name) or (branches and
             not branches.isdisjoint(self_and_ancestors(name, placement.frames)))))
@@ -95,12 +95,9 @@ def _since(finding: Finding, now: float) -> str:
     return f'since {now - finding.since:.0f} s' if finding.since else ''
 
 
-def words_of(text: str) -> list[str]:
-    """Return the words of a text; a hyphen alone is no word yet."""
-    return [word for word in text[:_LONGEST_TEXT].casefold().split() if word != '-']
-
-
-def has_words(name: str, words: Iterable[str]) -> bool:
+def filter_of(text: str) -> Callable[[str], bool]:
     """Return whether a name has all words, in any case, and none of those behind a hyphen."""
-    name = name.casefold()
-    return all(word[1:] not in name if word.startswith('-') else word in name for word in words)
+    # A hyphen alone is no word yet.
+    words = [word for word in text[:_LONGEST_TEXT].casefold().split() if word != '-']
+    return lambda name: all(word[1:] not in name.casefold() if word.startswith('-') else
+                            word in name.casefold() for word in words)

@@ -1,5 +1,6 @@
 """The page: the scene and the panels, updated from a feed and from the viewers' choices."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache, partial
@@ -147,9 +148,12 @@ class Viewer:
         self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
-        self._scene = Scene(client, meshes)
+        #: What the viewer has done: an action, and what it is about.
+        self._events = deque[tuple[str, str]](maxlen=100)
+        self._scene = Scene(client, meshes, self._act)
         self._settings = Settings(first)
-        self._panel, self._playback = Panel(client, feed, self._settings), playback
+        self._panel = Panel(client, feed, self._settings, self._act)
+        self._playback = playback
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         #: The last placement, and how it was drawn.
         self._shown: Optional[tuple[Placement, Display]] = None
@@ -165,6 +169,9 @@ class Viewer:
             self._settings.add('Time', lambda: self._until, partial(setattr, self, '_goal'))
         # For another `--view`, the browser has stored nothing yet.
         self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
+
+    def _act(self, action: str, what: str) -> None:
+        self._events.append((action, what))
 
     def _restore(self) -> None:
         if why := self._settings.reset(self.pace.stored or ''):
@@ -225,7 +232,7 @@ class Viewer:
         placement = self._place(place, until)
         panel.set_frames(placement, now)
         selected = panel.selected.value
-        hidden = panel.tree.hidden(placement, panel.display.passes())
+        hidden = panel.tree.hidden(placement, panel.display.include.value)
         display = panel.display.display(hidden)
         self._shown = placement, display
         if panel.tree.update(placement, selected, hidden, self._scene.body.progress, now):
@@ -258,10 +265,10 @@ class Viewer:
 
     def _take_events(self, placement: Placement) -> None:
         """Do what the viewer has requested in the page, and select what is clicked there."""
-        panel, scene, selected = self._panel, self._scene, self._panel.selected
-        while panel.events:
-            action, what = panel.events.popleft()
-            name = next((each for each in placement.names if visible(each) == what),
+        panel, selected = self._panel, self._panel.selected
+        while self._events:
+            action, what = self._events.popleft()
+            name = next((each for each in placement.names if what in (each, visible(each))),
                         selected.value)
             if action == 'view':
                 self._look_from(what)
@@ -271,14 +278,12 @@ class Viewer:
                 panel.tree.sets[action] ^= {name}
             elif action == 'select':
                 selected.choose(name)
+            elif action == 'pair':
+                panel.pair.choose(selected.value, name)
             elif self._playback and action != 'kept':
                 self._playback.act(action, what)
             else:
                 panel.act(action, what)
-        if scene.shift_clicks:
-            panel.pair.choose(selected.value, scene.shift_clicks.pop())
-        if scene.clicks:
-            selected.choose(scene.clicks.pop())
 
     def _choose(self, title: str) -> None:
         """Select and mark the frames of a finding, and go to its time."""

@@ -66,7 +66,7 @@ class Shown:
 
     def rows(self):
         """Return the cells in each row of the table, after the one with the label."""
-        return [re.findall('<td[^>]*>([^<]*)', row)[1:] for row in self.text().split('<tr>')[1:]]
+        return [re.findall('<t[dh][^>]*>([^<]*)', row)[1:] for row in self.text().split('<tr')[1:]]
 
     def translation(self):
         """Return x, y, z (m) in the table; [] if there is none."""
