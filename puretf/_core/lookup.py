@@ -17,6 +17,8 @@ from puretf.exceptions import TransformException
 
 #: The largest number of paths that are kept.
 _MAX_PATHS = 10_000
+#: Up to this number of times, one lookup for each is faster than numpy.
+_FEW = 16
 
 #: An edge, as seen from one of its two frames. The items are: the name of the other frame; True if
 #: the other frame is the child; the history of the child.
@@ -72,7 +74,7 @@ class Lookups:
     def poses(self, target: str, source: str, times: NDArray[np.int64]
               ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         path = self._kept_path(target, source)
-        if path is not None:
+        if path is not None and len(times) > _FEW:
             poses, known = path.poses(times)
         else:
             poses, known = np.empty((7, len(times))), np.zeros(len(times), np.bool_)

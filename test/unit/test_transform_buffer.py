@@ -272,18 +272,20 @@ def test_a_loop_is_named():
         chain.lookup_transform('f0', 'f1001')
 
 
-def test_many_at_once():
+@pytest.mark.parametrize('repeats', [1, 9])
+def test_many_at_once(repeats):
     """The arrays have one row for each time; the rows without a transform are NaN."""
     buffer = TransformBuffer()
     for second in range(3):
         put(buffer, 'a', 'b', T + second * S, float(second))
-    times = np.array([T + S // 2, T - 1, 0, T + 2 * S, T + 2 * S + 1, T])
+    times = np.array([T + S // 2, T - 1, 0, T + 2 * S, T + 2 * S + 1, T] * repeats)
     translations, rotations, known = buffer.lookup_transforms('b', 'a', times)
-    assert (translations.shape, rotations.shape, known.shape) == ((6, 3), (6, 4), (6,))
+    n = 6 * repeats
+    assert (translations.shape, rotations.shape, known.shape) == ((n, 3), (n, 4), (n,))
     assert (translations.dtype, rotations.dtype, known.dtype) == (
         np.dtype(float), np.dtype(float), np.dtype(bool))
-    assert known.tolist() == [True, False, True, True, False, True]
-    assert translations[known, 0].tolist() == [-0.5, -2.0, -2.0, 0.0]
+    assert known.tolist() == [True, False, True, True, False, True] * repeats
+    assert translations[known, 0].tolist() == [-0.5, -2.0, -2.0, 0.0] * repeats
     assert np.isnan(translations[~known]).all()
     assert np.isnan(rotations[~known]).all()
     assert not buffer.lookup_transforms('a', 'nobody', times)[2].any()
@@ -497,7 +499,7 @@ def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
     put(buffer, 'a', 'b', T + S)
     monkeypatch.setattr('puretf._core.history.itemgetter', lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as kept:
-        buffer.lookup_transforms('a', 'b', [T, T + 1])
+        buffer.lookup_transforms('a', 'b', range(T, T + 99))
     assert put(buffer, 'a', 'b', T + 2 * S)
     assert kept.tb is not None
 

@@ -63,11 +63,11 @@ def compare_lookups(buffer, model, target, source, fixed, at, source_at):
     """Compare the answers of all kinds of lookups with those of the model."""
     answer = outcome(buffer.lookup_transform, target, source, at)
     full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
-    poses = buffer.lookup_transforms(target, source, [at, source_at, at])
+    poses = buffer.lookup_transforms(target, source, [at, source_at, at] * 6)  # by numpy
     available, _ = engine_of(buffer).lookups.available(target, source, [at, source_at])
     other = outcome(buffer.lookup_transform, target, source, source_at)
     assert available == [not isinstance(one, str) for one in (answer, other)]
-    assert [*poses[2]] == [not isinstance(one, str) for one in (answer, other, answer)]
+    assert [*poses[2][:3]] == [not isinstance(one, str) for one in (answer, other, answer)]
     for i, one in enumerate((answer, other, answer)):
         if poses[2][i]:
             assert np.allclose(matrix(poses[0][i], poses[1][i]), one[1], rtol=0, atol=1e-9)
