@@ -63,8 +63,7 @@ def lines(placement: Placement, display: Display) -> Floats:
 
 def rounded(values: Floats) -> Floats:
     """Round positions (m) and quaternions to what can be seen: they need half the bytes."""
-    result: Floats = np.round(values / _FINEST) * _FINEST
-    return result
+    return np.asarray(np.round(values / _FINEST) * _FINEST)
 
 
 class Track:

@@ -13,6 +13,10 @@ from puretf_tools.view.controls import escaped, html
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Floats, MAX_FRAMES, Placement, REACH
 
+#: The heading of rows of numbers.
+_XYZW = ('<tr class="tf-numbers" data-value=""><th></th><td>x</td><td>y</td><td>z</td><td>w</td>'
+         '</tr>')
+
 
 def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
     """Return in HTML which frames are not shown, and every other problem; '' if there is none."""
@@ -99,7 +103,7 @@ def _pose(prefix: str, feed: Feed, stamp: int, translation: Floats, rotation: Fl
     """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
     when, full = (feed.ago(stamp), feed.time_text(stamp)) if stamp else ('all times', '')
     angles = [degrees(angle) for angle in euler_from_quaternion((*rotation.tolist(),))]
-    return _row(f'{prefix}-time', 'time', when, full) + _cells('', '', 'xyzw') + (
+    return _row(f'{prefix}-time', 'time', when, full) + _XYZW + (
         numbers(f'{prefix}-translation', 'position (m)', translation.tolist(), 3)
         + numbers(f'{prefix}-quaternion', 'quaternion', rotation.tolist(), 4)
         + numbers(f'{prefix}-rpy', 'RPY (°)', angles, 2))
@@ -121,11 +125,7 @@ def _row(key: str, label: str, value: str, title: str = '') -> str:
 
 def numbers(key: str, label: str, values: Iterable[float], digits: int) -> str:
     """Return a row of numbers."""
-    return _cells(key, label, [fixed_point(value, digits) for value in values])
-
-
-def _cells(key: str, label: str, texts: Iterable[str]) -> str:
-    cells = ''.join(f'<td>{text}</td>' for text in texts)
+    cells = ''.join(f'<td>{fixed_point(value, digits)}</td>' for value in values)
     return f'<tr class="tf-numbers" data-value="{key}"><th>{label}</th>{cells}</tr>'
 
 

@@ -97,12 +97,8 @@ class HandPublisher:
             return why
         if name not in self._broadcasters:
             self._broadcasters[name] = owner, StaticTransformBroadcaster(node)
-        try:
-            self._broadcasters[name][1].sendTransform(transform._replace(
-                stamp=self._frame_listener.now()).to_message())
-        except ValueError as error:  # such as a name of a parent that is not valid Unicode
-            self.stop(name)
-            return str(error)
+        self._broadcasters[name][1].sendTransform(transform._replace(
+            stamp=self._frame_listener.now()).to_message())
         self._published.add(name)
         return ''
 

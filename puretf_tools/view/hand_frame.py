@@ -4,12 +4,13 @@ from collections.abc import Iterable
 from math import degrees, radians
 from typing import Any, Optional
 
+import numpy as np
 import viser
 
 from puretf import Transform
-from puretf._text.names import is_too_long, shortened, visible
+from puretf._text.names import is_too_long, shortened
 from puretf._text.similar_names import suggest_names
-from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
+from puretf.rotations import euler_from_quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.view.controls import change, Choice, copied, FrameChoice, html
 from puretf_tools.view.details import command_line
@@ -67,7 +68,7 @@ class HandFrame:
         if event.client_id is not None:
             self._set_pose(self._position.value, self._angles.value)
             position, angles = self._pose
-            x, y, z, w = _quaternion(angles)
+            x, y, z, w = quaternion_from_euler(*np.radians(angles).tolist())
             self._handles.position, self._handles.wxyz = position, (w, x, y, z)
 
     async def _on_drag(self, event: 'viser.TransformControlsEvent') -> None:
@@ -89,7 +90,8 @@ class HandFrame:
             self.parent.choose(self.parent.value)
         self.parent.propose(placement.fixed)
         name, parent, (position, angles) = self._name, self.parent.value, self._pose
-        transform = Transform(0, parent, name, position, _quaternion(angles))
+        transform = Transform(
+            0, parent, name, position, quaternion_from_euler(*np.radians(angles).tolist()))
         if (point := placement.point(parent)) is not None:
             x, y, z, w = placement.poses[placement.names.index(parent), 3:]
             self._parent_node.position, self._parent_node.wxyz = point, (w, x, y, z)
@@ -129,21 +131,14 @@ def _problem(transform: Transform, placement: Placement) -> str:
     parent, name = transform.frame_id, transform.child_frame_id
     if not name:
         return 'the new frame has no name'
-    if is_too_long(name) or not name.isprintable():
-        return 'the name of a frame must be printable, and at most 1024 bytes long'
+    if any(is_too_long(each) or not each.isprintable() for each in (name, parent)):
+        return 'the names of both frames must be printable, and at most 1024 bytes long'
     if name.startswith('/'):
         return f'the name {name} begins with a slash, which tf2 does not allow'
     if parent not in placement.names:
         return (f'the parent {shortened(parent)} does not exist. '
                 f'{suggest_names(parent, tuple(placement.names))}' if parent else
                 'choose a parent')
-    if name == parent:
-        return f'frame {name} cannot be its own parent'
     if name in self_and_ancestors(parent, placement.frames):
-        return f'frame {name} is above {visible(parent)}: there would be a loop'
+        return f'frame {name} is above {parent}, or the same: there would be a loop'
     return ''
-
-
-def _quaternion(angles: Vector) -> Quaternion:
-    roll, pitch, yaw = map(radians, angles)
-    return quaternion_from_euler(roll, pitch, yaw)

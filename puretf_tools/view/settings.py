@@ -19,10 +19,7 @@ SPANS = {'20 s': 20, '2 min': 120, 'whole bag': 0}
 #: The largest coordinate of a camera (m), and the largest stamp (ns).
 _FARTHEST, _LATEST = 1e12, 2**63 - 1
 _LONGEST_SHOWN = 60  # characters of a value that is refused
-
-
-#: Whether a setting can have a value, and what the value must be.
-_Kind = tuple[Callable[[Any], bool], str]
+_REMEDY = 'copy the line that "copy view" shows'
 
 
 def _is_number(value: Any, lower: float, upper: float) -> bool:
@@ -42,28 +39,19 @@ def _is_camera(value: Any) -> bool:
             value[6], 1e-3, pi))
 
 
-_FLAG: _Kind = lambda value: type(value) is bool, 'true or false'
-_FRAME: _Kind = (lambda value: value is None or _is_text(value),
-                 f'the name of a frame, of at most {LONGEST_NAME} bytes in UTF-8, or null')
-_FRAMES: _Kind = (lambda value: type(value) is list and all(map(_is_text, value)),
-                  f'a list of names of frames, each of at most {LONGEST_NAME} bytes in UTF-8')
-#: By the names of settings, such as the labels of controls.
-_KINDS: dict[str, _Kind] = {
-    **{label: (partial(_is_number, lower=lower, upper=upper),
-               f'a number from {lower:g} to {upper:g}')
+#: By the names of settings, such as the labels of controls: whether a setting can have a value.
+_KINDS: dict[str, Callable[[Any], bool]] = {
+    **{label: partial(_is_number, lower=lower, upper=upper)
        for label, (lower, upper) in _RANGES.items()},
     **dict.fromkeys(('Axes', 'Lines to parents', 'Grid', 'Dark', 'Follow its yaw', 'Visual',
-                     'Collision'), _FLAG),
-    'Show names': (lambda value: type(value) in (bool, type(None)), 'true, false or null'),
-    'Include': (_is_text, f'a text of at most {LONGEST_NAME} bytes in UTF-8'),
-    **dict.fromkeys(('Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B'), _FRAME),
-    **dict.fromkeys(('Hidden', 'Hidden branches', 'Folded'), _FRAMES),
-    'Plot over': (lambda value: type(value) is str and value in SPANS,
-                  f'one of {", ".join(SPANS)}'),
-    'Camera': (_is_camera, 'empty, or position, target (m; each number from '
-               f'{-_FARTHEST:g} to {_FARTHEST:g}) and angle (rad; from 0.001 to pi)'),
-    'Time': (lambda value: type(value) is int and 0 <= value <= _LATEST,
-             f'an integer from 0 to {_LATEST} (ns)')}
+                     'Collision'), lambda value: type(value) is bool),
+    'Show names': lambda value: type(value) in (bool, type(None)), 'Include': _is_text,
+    **dict.fromkeys(('Fixed frame', 'Frame', 'Trail of', 'Follow', 'A', 'B'),
+                    lambda value: value is None or _is_text(value)),
+    **dict.fromkeys(('Hidden', 'Hidden branches', 'Folded'),
+                    lambda value: type(value) is list and all(map(_is_text, value))),
+    'Plot over': lambda value: type(value) is str and value in SPANS, 'Camera': _is_camera,
+    'Time': lambda value: type(value) is int and 0 <= value <= _LATEST}
 
 
 class _Kept(NamedTuple):
@@ -114,7 +102,7 @@ class Settings:
         """Return a line of JSON; `restore` takes it, so what does not fit is left out."""
         values = {**self._wanted, **{name: kept.read() for name, kept in self._kept.items()}}
         return json.dumps({name: value for name, value in values.items()
-                           if _KINDS[name][0](value)})
+                           if _KINDS[name](value)})
 
     def restore(self, text: str) -> str:
         """Set what a line of JSON says, and return ''; or set nothing, and return why."""
@@ -122,12 +110,11 @@ class Settings:
         with suppress(ValueError, RecursionError):
             values = json.loads(text)
         if not isinstance(values, dict):
-            return 'this is no view: copy the line that "copy view" shows'
+            return f'this is no view: {_REMEDY}'
         known = {name: value for name, value in values.items() if name in _KINDS}
         for name, value in known.items():
-            has, description = _KINDS[name]
-            if not has(value):
-                return f'{name} must be {description}, got {_shown(value)}'
+            if not _KINDS[name](value):
+                return f'{name} cannot be {_shown(value)}: {_REMEDY}'
         self._wanted = known
         for name in known:
             self._restore(name)

@@ -30,10 +30,8 @@ from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
 from puretf_tools.view.viser_private import LONGEST, PAGE, receive_at_once, Server
 
-#: The shortest time between two updates of the texts (s).
+#: The shortest time between two updates of the texts, and of what the browser stores (s).
 _TEXT_PERIOD = 0.2
-#: The time between two looks at whether the browser is to store something (s).
-_STORE_PERIOD = 1.0
 #: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
 #: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
@@ -144,7 +142,6 @@ class Viewer:
         receive_at_once(client)
         self._client, self._is_alone = client, is_alone
         self.has_path = False  #: whether the first camera knows where the frames go
-        self._next_store = 0.0  # (s, monotonic clock)
         self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
@@ -249,12 +246,11 @@ class Viewer:
             self._next_texts = now + _TEXT_PERIOD
             panel.robot.update(*self._scene.body.lines())
             panel.pair.update(self._until, now)
+            if not self.pace.is_blocked:
+                self.pace.store(self._settings.as_json())
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self.pace.when_handled(self._scene.move)
-        if now >= self._next_store and not self.pace.is_blocked:
-            self._next_store = now + _STORE_PERIOD
-            self.pace.store(self._settings.as_json())
 
     def _go_to(self, time: int) -> None:
         if player := self._feed.player:
