@@ -299,7 +299,8 @@ def of_speed(joint: SheetFrame, speed: float, has_fixed_step: bool) -> str:
     how = {0.5: 'half', 2.0: 'twice'}.get(round(ratio, 1), f'{ratio:.2g} times')
     why = ('the step is fixed, so the speed depends on the rate; take the time from the clock.'
            if has_fixed_step else 'is there a factor 2π? In sin(speed * t), it is in rad/s.'
-           if abs(ratio / (2 * pi) - 1) < _TURN_TOLERANCE else 'is the time in seconds?')
+           if abs(ratio / (2 * pi) - 1) < _TURN_TOLERANCE else
+           'is it the speed of the sheet, and the time in seconds?')
     return (f'{joint.name} is {how} as fast as the sheet ({speed:.2f} in place of {joint.speed} '
             f'rad/s): {why}')
 

@@ -17,8 +17,8 @@ def test_programs(start, tmp_path):
         name: hand_in for name, hand_in in {**MISTAKES, **CHAOS}.items() if name not in HEAVY}}
     for name, hand_in in programs.items():
         hand_in.write(tmp_path / name)
-    process = start(*tool('check_arm', *programs, '--csv', 'grades.csv', '--jobs', '8'),
-                    cwd=tmp_path)
+    process = start(*tool('check_arm', *programs, '--csv', 'grades.csv', '--feedback', 'feedback',
+                          '--jobs', '8'), cwd=tmp_path)
     assert process.exit_code(600.0) == 1
     table = tmp_path / 'grades.csv'
     assert not differences(programs, process.output, table)
@@ -28,7 +28,10 @@ def test_programs(start, tmp_path):
     assert rows['full_angle.py']['joint_1 stays within ±45°'] == 'not ok'
     assert f'full_angle.py: not ok: {rows["full_angle.py"]["reason"]}\n' in process.output
     assert {path.name for path in tmp_path.iterdir()} == {
-        'grades.csv', *programs.keys() - {'missing.py'}}
+        'grades.csv', 'feedback', *programs.keys() - {'missing.py'}}
+    assert {path.stem for path in (tmp_path / 'feedback').rglob('*.txt')
+            if '\npassed: ' in path.read_text()} == {
+                name for name, row in rows.items() if row['verdict'] == 'ok'}
 
 
 ENDLESS = """import os, signal, subprocess, sys, time
