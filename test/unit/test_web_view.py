@@ -58,7 +58,7 @@ def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
     code, error = failed(main, '--bag', bag, '--view', str(path))
     assert code == 1
     assert error.startswith(f'web_view: cannot read {path}: No such file' if text is None else (
-        f'web_view: {path}: Grid must be true or false' if 'Grid' in text else
+        f'web_view: {path}: Grid cannot be 1: copy the line that' if 'Grid' in text else
         f'web_view: {path}: this is no view: copy the line that "copy view" shows'))
 
 
