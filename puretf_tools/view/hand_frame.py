@@ -4,13 +4,12 @@ from collections.abc import Iterable
 from math import degrees, radians
 from typing import Any, Optional
 
-import numpy as np
 import viser
 
 from puretf import Transform
 from puretf._text.names import is_too_long, shortened
 from puretf._text.similar_names import suggest_names
-from puretf.rotations import euler_from_quaternion, quaternion_from_euler
+from puretf.rotations import euler_from_quaternion, Quaternion, quaternion_from_euler
 from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.view.controls import change, Choice, copied, FrameChoice, html
 from puretf_tools.view.details import command_line
@@ -42,8 +41,8 @@ class HandFrame:
         self._name = ''
         #: The name and the parent that were refused, and why.
         self._refusal = '', '', ''
-        #: x, y, z (m) and roll, pitch, yaw (degrees) in the parent.
-        self._pose = _ZERO, _ZERO
+        #: In the parent: x, y, z (m), roll, pitch, yaw (degrees), and these as a quaternion.
+        self._pose: tuple[Vector, Vector, Quaternion] = _ZERO, _ZERO, (0.0, 0.0, 0.0, 1.0)
         gui.add_text('New frame', '').on_update(self._on_name)
         self.parent = FrameChoice(gui, 'Parent')
         self._position = gui.add_vector3(
@@ -67,9 +66,8 @@ class HandFrame:
     async def _on_numbers(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
             self._set_pose(self._position.value, self._angles.value)
-            position, angles = self._pose
-            x, y, z, w = quaternion_from_euler(*np.radians(angles).tolist())
-            self._handles.position, self._handles.wxyz = position, (w, x, y, z)
+            self._handles.position, _, (x, y, z, w) = self._pose
+            self._handles.wxyz = w, x, y, z
 
     async def _on_drag(self, event: 'viser.TransformControlsEvent') -> None:
         if event.phase == 'update':
@@ -80,8 +78,9 @@ class HandFrame:
     def _set_pose(self, position: Iterable[float], angles: Iterable[float]) -> None:
         x, y, z = (round(value, _DIGITS) + 0.0 for value in position)
         roll, pitch, yaw = (round(angle, _ANGLE_DIGITS) + 0.0 for angle in angles)
-        self._pose = (x, y, z), (roll, pitch, yaw)
-        self._position.value, self._angles.value = self._pose
+        self._pose = (x, y, z), (roll, pitch, yaw), quaternion_from_euler(
+            radians(roll), radians(pitch), radians(yaw))
+        self._position.value, self._angles.value, _ = self._pose
 
     def update(self, placement: Placement) -> None:
         """Move the handles with the parent, publish what has changed, and show the texts."""
@@ -89,9 +88,8 @@ class HandFrame:
             # The proposal may change, but the parent of a published frame must not.
             self.parent.choose(self.parent.value)
         self.parent.propose(placement.fixed)
-        name, parent, (position, angles) = self._name, self.parent.value, self._pose
-        transform = Transform(
-            0, parent, name, position, quaternion_from_euler(*np.radians(angles).tolist()))
+        name, parent, (position, angles, rotation) = self._name, self.parent.value, self._pose
+        transform = Transform(0, parent, name, position, rotation)
         if (point := placement.point(parent)) is not None:
             x, y, z, w = placement.poses[placement.names.index(parent), 3:]
             self._parent_node.position, self._parent_node.wxyz = point, (w, x, y, z)

@@ -147,7 +147,8 @@ def test_a_refusal_switches_publish_off(page):
     ('/hand', 'map', 'the name /hand begins with a slash'),
     ('base', 'base', 'frame base is above base, or the same: there would be a loop'),
     ('map', 'base', 'frame map is above base, or the same: there would be a loop'),
-    ('a\x1b[2J', 'map', 'must be printable'), ('a' * 1025, 'map', 'at most 1024 bytes'),
+    ('a\x1b[2J', 'map', 'must be printable'), ('hand', 'a\0', 'must be printable'),
+    ('a' * 1025, 'map', 'at most 1024 bytes'),
     ('hand', 'gone', 'the parent gone does not exist'), ('hand', '(none)', 'choose a parent')])
 def test_frames_that_cannot_be_published(page, name, parent, problem):
     """The page says why, has no command to copy, and publishes nothing."""
