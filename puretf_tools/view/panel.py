@@ -45,9 +45,9 @@ class Panel:
     """The controls and texts of one viewer."""
 
     def __init__(self, client: viser.ClientHandle, feed: Feed, settings: Settings,
-                 act: Callable[[str, str], object]) -> None:
-        """Add all controls; `act`: called with an action of the viewer, and what it is about."""
-        gui, self._act = client.gui, act
+                 send: Callable[[str, str], object]) -> None:
+        """Add all controls; `send`: called with an action of the viewer, and what it is about."""
+        gui, self._send = client.gui, send
         gui.add_html(_ADDITIONS)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(300.0)  # pixels
@@ -98,12 +98,12 @@ class Panel:
     async def _on_page(self, event: 'viser.GuiEvent[Any]') -> None:
         # A number, the action, and what it is about: of others, nothing is known by this name.
         action, _, what = event.target.value.partition(' ')[2].partition(' ')
-        self._act(action, what)
+        self._send(action, what)
 
     def _put(self, action: str, what: Optional[str] = None) -> Callable[[Any], Awaitable[None]]:
-        """Return a callback that acts; None: on the button of a group."""
+        """Return a callback that sends an action; None: about the button of a group."""
         async def put(event: Any) -> None:
-            self._act(action, event.target.value if what is None else what)
+            self._send(action, event.target.value if what is None else what)
         return put
 
     async def _on_paste(self, event: 'viser.GuiEvent[Any]') -> None:

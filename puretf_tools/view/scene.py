@@ -45,8 +45,8 @@ class Scene:
     """The three-dimensional view of the frames, of one viewer or of all."""
 
     def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer], meshes: Meshes,
-                 act: Callable[[str, str], object] = lambda action, name: None) -> None:
-        """Draw nothing yet; `act`: called with 'select' or 'pair' when a frame is clicked."""
+                 send: Callable[[str, str], object] = lambda action, name: None) -> None:
+        """Draw nothing yet; `send`: called with 'select' or 'pair' when a frame is clicked."""
         self._scene, self._owner = owner.scene, owner
         #: Everything is drawn in this node; its yaw (rad) and its position in the scene (m).
         self._world = owner.scene.add_frame(WORLD, show_axes=False)
@@ -67,8 +67,8 @@ class Scene:
         self._moves: list[tuple[Any, ...]] = []
         #: The last placement, how it was drawn, and the labels, for clicks.
         self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
-        self._act = act
-        self.body = Body(self._scene, meshes, partial(act, 'select'), self._put)
+        self._send = send
+        self.body = Body(self._scene, meshes, partial(send, 'select'), self._put)
         if isinstance(owner, viser.ClientHandle):
             owner.scene.on_click()(partial(self._on_click, 'select'))
             owner.scene.on_click(modifier='shift')(partial(self._on_click, 'pair'))
@@ -178,7 +178,7 @@ class Scene:
     async def _on_click(self, action: str, event: viser.SceneClickEvent) -> None:
         x, y = np.multiply(event.screen_pos, page_size(event.client.camera))
         if name := self._at(x, y, event.client.camera):
-            self._act(action, name)
+            self._send(action, name)
 
     def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:
         """Return the frame whose name or axes are drawn at a pixel; '' if there is none."""

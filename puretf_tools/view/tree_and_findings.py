@@ -99,5 +99,10 @@ def filter_of(text: str) -> Callable[[str], bool]:
     """Return whether a name has all words, in any case, and none of those behind a hyphen."""
     # A hyphen alone is no word yet.
     words = [word for word in text[:_LONGEST_TEXT].casefold().split() if word != '-']
-    return lambda name: all(word[1:] not in name.casefold() if word.startswith('-') else
-                            word in name.casefold() for word in words)
+
+    def passes(name: str) -> bool:
+        name = name.casefold()
+        return all(word[1:] not in name if word.startswith('-') else word in name
+                   for word in words)
+
+    return passes

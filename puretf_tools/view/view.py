@@ -31,7 +31,7 @@ from puretf_tools.view.settings import Settings
 from puretf_tools.view.viser_private import LONGEST, PAGE, receive_at_once, Server
 
 #: The shortest time between two updates of the texts, and of what the browser stores (s).
-_TEXT_PERIOD = 0.2
+_TEXT_PERIOD, _STORE_PERIOD = 0.2, 1.0
 #: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
 #: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
@@ -142,14 +142,15 @@ class Viewer:
         receive_at_once(client)
         self._client, self._is_alone = client, is_alone
         self.has_path = False  #: whether the first camera knows where the frames go
+        self._next_store = 0.0  # (s, monotonic clock)
         self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
         #: What the viewer has done: an action, and what it is about.
         self._events = deque[tuple[str, str]](maxlen=100)
-        self._scene = Scene(client, meshes, self._act)
+        self._scene = Scene(client, meshes, self._send)
         self._settings = Settings(first)
-        self._panel = Panel(client, feed, self._settings, self._act)
+        self._panel = Panel(client, feed, self._settings, self._send)
         self._playback = playback
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         #: The last placement, and how it was drawn.
@@ -167,7 +168,7 @@ class Viewer:
         # For another `--view`, the browser has stored nothing yet.
         self.pace = Pace(client, f'{feed.name} {crc32(first.encode())}')
 
-    def _act(self, action: str, what: str) -> None:
+    def _send(self, action: str, what: str) -> None:
         self._events.append((action, what))
 
     def _restore(self) -> None:
@@ -246,11 +247,12 @@ class Viewer:
             self._next_texts = now + _TEXT_PERIOD
             panel.robot.update(*self._scene.body.lines())
             panel.pair.update(self._until, now)
-            if not self.pace.is_blocked:
-                self.pace.store(self._settings.as_json())
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self.pace.when_handled(self._scene.move)
+        if now >= self._next_store and not self.pace.is_blocked:
+            self._next_store = now + _STORE_PERIOD
+            self.pace.store(self._settings.as_json())
 
     def _go_to(self, time: int) -> None:
         if player := self._feed.player:
