@@ -110,7 +110,9 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         fault = f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} ' + (
             f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?' if nodes
             else 'Is the timer created, with its period in seconds, and does rclpy.spin run?')
-    line, report = report.first_failure, report._replace(passed=report.passed and not fault)
+    if fault:
+        report = report._replace(passed=False)
+    line = report.first_failure
     return Grade(file, report, fault or report.reason, Verdict.NOT_OK if fault else
                  line.verdict if line else Verdict.OK)
 
