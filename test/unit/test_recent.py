@@ -221,7 +221,9 @@ def test_a_fault_is_found_and_goes(listened, code):
     finding = listened.after(6, send)[code]
     assert (finding.over, begin < finding.since <= listened.now) == (0.0, True)
     end = listened.now
-    finding = listened.after(12)[code]
+    found = listened.after(12)
+    finding, over = found[code], sum(each.over > 0.0 for each in listened.recent.findings)
+    assert (f'; over in the last 30 s: {over}' in listened.recent.verdict) == (over > 0)
     assert begin < finding.since
     assert finding.over == 0.0 if code == 'one_shot' else finding.since <= finding.over <= end + 3
     assert listened.after(18) == {}
