@@ -12,7 +12,6 @@ from puretf.transform_table import Message
 from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
-from puretf_tools.inspection.forest import self_and_ancestors
 from puretf_tools.inspection.gaps import AnyBuffer, holes_at
 from puretf_tools.inspection.traffic import Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
@@ -93,8 +92,9 @@ class HandPublisher:
         node, name = self._frame_listener.node, transform.child_frame_id
         if self._broadcasters.get(name, (owner,))[0] is not owner:
             return f'another viewer publishes frame {name} already'
-        if why := self._why_refused(transform):
-            return why
+        for frame in self._frame_listener.buffer.frames():
+            if frame.name == name and (publisher := self._other_publisher(frame)):
+                return f'{publisher} publishes frame {name} already'
         if name not in self._broadcasters:
             self._broadcasters[name] = owner, StaticTransformBroadcaster(node)
         self._broadcasters[name][1].sendTransform(transform._replace(
@@ -107,24 +107,16 @@ class HandPublisher:
         if found := self._broadcasters.pop(name, None):
             self._frame_listener.node.destroy_publisher(found[1].pub_tf)
 
-    def _why_refused(self, transform: Transform) -> str:
-        """Return which node publishes the frame already, or that there would be a loop; or ''."""
-        frames = {frame.name: frame for frame in self._frame_listener.buffer.frames()}
-        name = transform.child_frame_id
-        if name in self_and_ancestors(transform.frame_id, frames):
-            return f'frame {name} is above {transform.frame_id}: there would be a loop'
-        if name not in frames:
-            return ''
-        listener, gid = self._frame_listener, frames[name].authority
+    def _other_publisher(self, frame: Frame) -> str:
+        """Return which other node publishes a frame; '' if none does."""
+        listener, gid = self._frame_listener, frame.authority
         publisher = listener.names_of([gid])[gid]
         # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
-        is_own = name in self._published and (
+        is_own = frame.name in self._published and (
             not publisher.startswith('/')
             or publisher == listener.node.get_fully_qualified_name())
         # A frame whose publisher has ended can be published by another one.
-        if is_own or listener.is_present(gid) is False:
-            return ''
-        return f'{publisher} publishes frame {name} already'
+        return '' if is_own or listener.is_present(gid) is False else publisher
 
 
 class Feed:

@@ -110,13 +110,3 @@ def test_a_middleware_that_does_not_report_gids(handles, ros, feed, publisher, o
     assert not publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)), ME)
     assert 'unknown publisher publishes frame base' in publisher.send(
         HAND._replace(child_frame_id='base'), ME)
-
-
-def test_loops_are_refused(ros, feed, publisher, other):
-    """Those through frames that the page does not show, too."""
-    StaticTransformBroadcaster(other).sendTransform(
-        [stamped('map', 'odom'), stamped('odom', 'base')])
-    ros.until(lambda: len(feed.buffer.frames()) == 2)
-    assert 'map is above base: there would be a loop' in publisher.send(
-        HAND._replace(frame_id='base', child_frame_id='map'), ME)
-    assert not publisher.send(HAND._replace(frame_id='base'), ME)

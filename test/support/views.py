@@ -7,7 +7,7 @@ RIGHT: dict[str, list[Any]] = {
     'Axis length (m)': [0.02, 1, 2.0], 'Frame timeout (s)': [1, 15.5, 60], 'Opacity': [0.1, 1],
     'Axes': [True, False], 'Grid': [False], 'Dark': [True], 'Follow its yaw': [True],
     'Show names': [None, False, True], 'Include': ['', 'a -b', r'(\w+)+!', '['],
-    'Exclude': ['', 'base', '-map', '-'], 'Fixed frame': [None, '', 'base', 'nowhere', '<b>'],
+    'Fixed frame': [None, '', 'base', 'nowhere', '<b>'],
     'Frame': ['map', '\n'], 'Trail of': ['base'], 'Follow': ['base'], 'A': ['map'], 'B': ['base'],
     'Hidden': [[], ['map', 'x']], 'Hidden branches': [['map']], 'Folded': [['map', 'base']],
     'Plot over': ['20 s', '2 min', 'whole bag'],
