@@ -13,7 +13,7 @@ from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
 from puretf_tools.inspection.gaps import AnyBuffer, holes_at
-from puretf_tools.inspection.traffic import Traffic
+from puretf_tools.inspection.traffic import Traffic, WINDOW
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Descriptions = Mapping[str, DescriptionOrWhy]  #: of robots, by topic
 #: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
-#: The largest number of messages that are examined at a time.
+#: The largest number of messages that are examined at a time; more only of static transforms.
 _MOST_WAITING = 10_000
 
 
@@ -244,8 +244,9 @@ class LiveFeed(Feed):
         self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING
         if self._recent.is_due(now):
             self._others.poll()
-            self._recent.update(
-                self._waiting[-_MOST_WAITING:], not self._has_lost, self._others.heard, now)
+            before = [each for each in self._waiting[:-_MOST_WAITING] if each.is_static]
+            self._recent.update(before + self._waiting[-_MOST_WAITING:], not self._has_lost,
+                                self._others.heard, now)
             self._waiting, self._has_lost = [], False
             self.findings, self.verdict = self._recent.findings, self._recent.verdict
             self.hint = self._frame_listener.topics_hint()
@@ -254,7 +255,7 @@ class LiveFeed(Feed):
         listener = self._frame_listener
         publisher = listener.names_of([frame.authority])[frame.authority]
         nodes = [each for each in self._traffic.by_node(listener, frame.name)
-                 if each.is_present is not False]
+                 if each.is_present is not False and (each.silence or 0.0) < WINDOW]
         summary = next((each.summary for each in nodes if each.node == publisher), None)
         if len(several := [each.node for each in nodes if each.is_present]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'

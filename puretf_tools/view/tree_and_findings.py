@@ -58,7 +58,7 @@ class Tree:
             'events': self._events, 'selected': visible(selected), 'beat': int(now),
             'rows': [*self._rows(placement, hidden, findings)], 'findings': [
                 (finding.severity, self.title(finding), f'{finding.evidence.rstrip(".")}.'
-                 + bool(finding.nodes) * f' Sent by {comma_list(finding.nodes)}.', finding.remedy,
+                 + _senders(finding), finding.remedy,
                  _since(finding, now), finding.over > 0.0) for finding in findings],
             'verdict': self._feed.verdict, 'more': len(self._feed.findings) - len(findings),
             'status': [f'fixed frame {visible(placement.fixed) or "none"}',
@@ -87,6 +87,12 @@ class Tree:
         time = f'{(finding.time - player.begin) / SECOND:+.2f} s: ' if player and (
             player.begin <= finding.time <= player.end) else ''
         return f'{time}{finding.code}: {names}'
+
+
+def _senders(finding: Finding) -> str:
+    if all(node in finding.evidence for node in finding.nodes):
+        return ''
+    return f' Sent by {comma_list(finding.nodes)}.'
 
 
 def _since(finding: Finding, now: float) -> str:

@@ -83,7 +83,7 @@ class View:
         now = self._clock()
         clients = self._server.get_clients()
         until = self._playback.update(bool(clients)) if self._playback else 0
-        if clients and now >= self._next_watch:
+        if now >= self._next_watch:  # the listener drops the oldest messages if nobody looks
             self._feed.watch(now)
             self._next_watch = now + _TEXT_PERIOD
         descriptions = self._feed.descriptions()
@@ -155,7 +155,6 @@ class Viewer:
         self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         #: The last placement, and how it was drawn.
         self._shown: Optional[tuple[Placement, Display]] = None
-        self._paused_at = 0  # when the page was paused (ns)
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
         #: there are no frames.
         self._place_paused: Optional[Place] = None
@@ -189,12 +188,10 @@ class Viewer:
             self._use(self._feed.buffer)
             self._place_paused = None
         if panel.is_paused and not self._place_paused and (newest := _newest(self._feed.buffer)):
-            self._paused_at = newest
-            copy = TransformBuffer.copy_of(
-                self._feed.buffer, max(1, self._paused_at - LENGTH * SECOND))
+            copy = TransformBuffer.copy_of(self._feed.buffer, max(1, newest - LENGTH * SECOND))
             self._use(copy)
             self._place_paused = lru_cache(1)(FrameWatcher(copy).placement)
-        self._until = max(1, self._paused_at - round(panel.back.value * SECOND)) if (
+        self._until = max(1, _newest(self._buffer) - round(panel.back.value * SECOND)) if (
             self._place_paused) else until
         return (self._place_paused or place)(
             panel.fixed.chosen, self._until, panel.display.timeout.value)
@@ -258,8 +255,7 @@ class Viewer:
         if player := self._feed.player:
             player.stop_at(time)
         else:
-            newest = self._paused_at if self._place_paused else _newest(self._feed.buffer)
-            self._panel.look_back((newest - time) / SECOND)
+            self._panel.look_back((_newest(self._buffer) - time) / SECOND)
 
     def _take_events(self, placement: Placement) -> None:
         """Do what the viewer has requested in the page, and select what is clicked there."""

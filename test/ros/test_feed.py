@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
-from puretf import TFMessage, TransformBroadcaster
+from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
 from puretf_tools.robot import descriptions
 from puretf_tools.view.feed import LiveFeed
 
@@ -44,6 +44,47 @@ def publication(ros, make_node):
 def test_a_frame_of_two_nodes(publication):
     """Both are named, and that there is more than one."""
     assert publication('a', 'b') == '/a and /b (more than one publisher)'
+
+
+def test_a_node_that_has_stopped_sending_is_no_publisher(ros, make_node):
+    """Although it still runs: ten seconds later, by /clock."""
+    feed = LiveFeed(ros.node)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    broadcasters = [TransformBroadcaster(make_node(name)) for name in ('a', 'b')]
+    stamp = 100 * 10**9
+
+    def publishers():
+        nonlocal stamp
+        stamp += 10**8
+        clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+        for broadcaster in broadcasters:
+            broadcaster.sendTransform(stamped('map', 'robot', stamp))
+        feed.watch(monotonic())
+        return {publisher for _, publisher in map(feed.publication, feed.buffer.frames())}
+
+    begin = monotonic()  # at first, delays do not count
+    ros.until(lambda: publishers() == {'/a and /b (more than one publisher)'}
+              and monotonic() > begin + 1.0)
+    broadcasters.pop()
+    ros.until(lambda: publishers() == {'/a'})
+
+
+def test_static_transforms_stay_known(ros, make_node):
+    """Also if more than 10 000 messages come after them, before the next examination."""
+    feed, node = LiveFeed(ros.node), make_node('a')
+    dynamic = TransformBroadcaster(node)
+    feed.watch(0.0)
+    StaticTransformBroadcaster(node).sendTransform(stamped('odom', 'base'))
+    ros.until(feed.buffer.frames)
+    begin = ros.node.get_clock().now().nanoseconds
+    for last in range(begin + 50, begin + 10_500, 50):
+        for stamp in range(last - 49, last + 1):
+            dynamic.sendTransform([stamped('map', 'odom', stamp), stamped('base', 'arm', stamp)])
+        ros.until(lambda last=last: [frame.latest for frame in feed.buffer.frames()] == [
+            0, last, last])
+        feed.watch(1.0)
+    feed.watch(10.0)
+    assert 'several_trees' not in {each.code for each in feed.findings}
 
 
 def test_what_is_wrong_is_found(ros, make_node):

@@ -766,6 +766,23 @@ def test_each_viewer_has_settings_of_its_own(page):
     shown.update()
 
 
+def test_a_feed_is_watched_while_nobody_looks():
+    """Otherwise, what has arrived until the first viewer comes would be lost."""
+    from viewer import StubFeed
+
+    from puretf_tools.view.server import serve
+    from puretf_tools.view.view import View
+    watched: list[float] = []
+
+    class Watched(StubFeed):
+        def watch(self, now: float) -> None:
+            watched.append(now)
+
+    with serve('127.0.0.1') as server:
+        View(Watched(TransformBuffer()), server, lambda: 1000.0).update()
+    assert watched == [1000.0]
+
+
 def test_what_a_viewer_sets_is_not_set_back(page, monkeypatch):
     """The page may be updated between the setting of a value and the call of its callback."""
     import viser
