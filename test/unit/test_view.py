@@ -1193,6 +1193,20 @@ def test_a_refused_view_of_a_viewer(page, is_kept):
     shown.until(lambda: json_of(viewer).get('Frame') == 'map')
 
 
+def test_a_view_is_stored_once_a_second(page):
+    """Not at each change: a browser writes it to a disk."""
+    shown = page(chain('map', 'base'))
+    shown.set('Frame', 'map')
+    shown.clock[0] += 2.0
+    shown.until(lambda: json_of(shown.viewer).get('Frame') == 'map')
+    shown.set('Frame', 'base')
+    for _ in range(3):
+        shown.step()
+    assert json_of(shown.viewer)['Frame'] == 'map'
+    shown.clock[0] += 1.0
+    shown.until(lambda: json_of(shown.viewer)['Frame'] == 'base')
+
+
 def test_a_view_of_a_bag_in_a_live_page(page):
     """What only a bag can be plotted over is left as it was."""
     shown = page(chain('map', 'base'), view='{"Plot over": "whole bag", "A": "map", "B": "base"}')
