@@ -126,6 +126,7 @@ class Bag(AbstractContextManager['Bag']):
         self._about = self.path, namespace, partial, max_bytes
         self._on_progress = on_progress or (lambda done: None)
         self._copies: dict[Path, TemporaryDirectory[str]] = {}
+        self._after_missing = recording.after_missing
         self._contents = Contents(*self._about)
 
     def __exit__(self, *_: object) -> None:
@@ -151,6 +152,11 @@ class Bag(AbstractContextManager['Bag']):
     def end(self) -> int:
         """The time at which the last message was recorded (ns); 0: it is not known."""
         return self._known().end
+
+    @property
+    def missing_spans(self) -> list[tuple[int, int]]:
+        """Within which times of the recording (ns) a part of it is missing or damaged."""
+        return self._contents.missing_spans
 
     def _known(self) -> Contents:
         if not self._contents.topics:
@@ -233,14 +239,18 @@ class Bag(AbstractContextManager['Bag']):
     def _records(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
         from puretf._bag.files import records
         from puretf._bag.unpacking import too_large, unpacked
-        limit = contents.max_bytes
+        limit, last = contents.max_bytes, 0
         for number, path in enumerate(self.files):
+            contents.has_lost |= path in self._after_missing
             self._on_progress(number / len(self.files))
             for item in records(path, contents, self._copies):
                 if isinstance(item, float):
                     self._on_progress((number + item) / len(self.files))
                     continue
                 topic, time, data = item
+                if contents.has_lost and last:
+                    contents.missing_spans.append((last, time))
+                contents.has_lost, last = False, time
                 is_inside = topic.is_wanted and (start <= time < stop or topic.is_static)
                 whole = unpacked(data, limit + 1) if is_inside else b''
                 if len(whole) > limit:

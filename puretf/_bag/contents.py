@@ -65,6 +65,9 @@ class Contents:
         self.begin, self.end = 0, 0
         self.tf_count = 0  #: the number of TF messages that can be read, in the window or not
         self.damage: list[str] = []  #: descriptions of the faults in its files
+        self.has_lost = False  #: whether messages may be missing since the last one
+        #: Within which times of the recording they may be (ns), but at its begin and its end.
+        self.missing_spans: list[tuple[int, int]] = []
 
     def topic(self, name: str, msgtype: str, definition: str, encoding: str, qos: str = '',
               publisher: str = NOT_RECORDED, count: int = 0) -> Topic:
@@ -108,6 +111,7 @@ class Contents:
             raise BagError(
                 f'{self._path} cannot be read: {name}{text} {remedy}'.rstrip()) from None
         self.damage.append(f'{visible(str(self.file))}: {text}')
+        self.has_lost = True
 
     def wrong_types(self) -> str:
         """Name the topics of TF that have another type; return '' if there are none."""

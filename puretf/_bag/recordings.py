@@ -1,6 +1,6 @@
 """Which files are the parts of one recording, and in which order."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from glob import glob
 from itertools import filterfalse, islice
@@ -37,6 +37,7 @@ class Recording(NamedTuple):
     files: list[Path]  #: empty if `path` is a directory
     first: Optional[Path] = None  #: the first part of the recording, if it was not given
     warning: str = ''  #: which other files are missing
+    after_missing: Sequence[Path] = ()  #: the files that do not follow another one
 
 
 def recordings(paths: Paths) -> list[Recording]:
@@ -71,7 +72,8 @@ def _of_files(parts: dict[int, Path], listed: list[Path]) -> Recording:
                      for each in (0, *lacking)]
     return Recording(files[0], files, None if 0 in parts else first, '' if not lacking else (
         f'{files[0]}: parts of its recording are not given: '
-        f'{comma_list([each.name for each in names], visible)}'))
+        f'{comma_list([each.name for each in names], visible)}'),
+        [file for number, file in parts.items() if number - 1 not in parts])
 
 
 def _part(path: Path, number: int) -> Path:

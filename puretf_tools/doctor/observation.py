@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surroundings
 from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
-from puretf._text.times import CACHE_TIME, SECOND
+from puretf._text.times import CACHE_TIME, exact_time, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import judge, MessageTimes
 from puretf_tools.doctor.stream import Edge, FEWEST, GAP, NEVER, SHORTEST_GAP, Stream
@@ -64,6 +64,8 @@ class Observation:
     not_known: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)  #: what was not counted, and why
     missing_part: str = ''  #: which part of a recording is missing, with the static transforms
+    #: Within which times (ns) a part of a recording is missing or damaged.
+    missing_spans: Sequence[tuple[int, int]] = ()
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
     has_record_times: bool = False
     #: What the ROS graph shows; of a bag, its topics.
@@ -123,6 +125,9 @@ class Observation:
         for error, count in self.statistics.malformed.most_common(SHOWN):
             self.left_out.append(
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
+        self.left_out += [
+            f'gap in the {in_words(end - begin)} after {exact_time(begin)}: a part of the recording '
+            'is missing or damaged' for begin, end in self.missing_spans[:SHOWN]]
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
         moving = [track for track in self.tracks if not track.stream.is_frozen]
@@ -206,11 +211,12 @@ class Observation:
         """By track with gaps: their indices but those when it was busy; or all of these, True."""
         found = []
         for track in self.tracks:
-            stream, gaps = track.stream, track.stream.gaps
+            stream, slack = track.stream, max(SHORTEST_GAP, track.stream.period)
+            begins, ends = stream.arrivals[stream.gaps], stream.arrivals[stream.gaps + 1]
+            gaps = stream.gaps[~_are_within(self.missing_spans, begins, ends, slack)]
             if not stream.has_gaps(gaps):
                 continue
-            is_own = ~self.were_busy(stream.arrivals[gaps], stream.arrivals[gaps + 1],
-                                     max(SHORTEST_GAP, stream.period))
+            is_own = ~self.were_busy(stream.arrivals[gaps], stream.arrivals[gaps + 1], slack)
             is_busy = not stream.has_gaps(gaps[is_own])
             found.append((track, gaps if is_busy else gaps[is_own], is_busy))
         return found
@@ -235,9 +241,8 @@ class Observation:
         lost = np.diff(sums[times.searchsorted(around)], axis=0)[0]
         found = np.asarray((lost > _BUSY * np.diff(around, axis=0)[0]) & (
             ends - begins < _LONGEST_BUSY))
-        for begin, end in self.silences if (ends - begins > SECOND).any() else ():
-            found |= (begin <= begins + slack) & (end >= ends - slack)
-        return found
+        return found | _are_within(self.silences if (ends - begins > SECOND).any() else (),
+                                   begins, ends, slack)
 
     def has_late(self, track: Track, is_busy: bool = False) -> bool:
         """Return whether many transforms are late; `is_busy`: since the listener was busy."""
@@ -311,6 +316,15 @@ class Observation:
         return self.nodes.get(track.publisher, '')
 
 
+def _are_within(spans: Iterable[tuple[int, int]], begins: NDArray[np.int64],
+                ends: NDArray[np.int64], slack: float) -> NDArray[np.bool_]:
+    """Return which times (ns) are within one of the spans, or longer by `slack` at each end."""
+    found = np.zeros(len(begins), np.bool_)
+    for begin, end in spans:
+        found |= (begin <= begins + slack) & (end >= ends - slack)
+    return found
+
+
 def is_in_time(timed: Iterable[Union[Track, MessageTimes]]) -> bool:
     """Return whether the transforms of a track, or the messages of a topic, are in time."""
     return any(each.stream.is_in_time for each in timed)
@@ -379,7 +393,8 @@ class BagObserver:
             statistics, f'in {bag.path}', own_topics, nodes=nodes,
             headers={topic.name: topic.headers for topic in topics if topic.headers.count},
             robots=self.robots.robots(), tf_topics=tf_topics, not_known=not_known,
-            has_record_times=True, missing_part='' if has_static else bag.missing_part,
+            has_record_times=True, missing_spans=bag.missing_spans,
+            missing_part='' if has_static else bag.missing_part,
             left_out=[f'headers on {topic.name}: the definition of its type {topic.msgtype} is '
                       'not known' for topic in topics if topic.has_header is None],
             around=Surroundings(

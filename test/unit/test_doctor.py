@@ -843,6 +843,26 @@ def test_a_missing_part(tmp_path):
                 if finding.code in ('unknown_frame', 'missing_part')]
 
 
+@pytest.mark.parametrize('fault', ['not given', 'cut off', 'removed'])
+def test_a_gap_in_the_recording(tmp_path, fault):
+    """It is named, and no node is blamed for it, but for a silence that is longer."""
+    sent = [tf(i, 'odom base_link', *['base_link arm'] * (not 150 < i < 310)) for i in range(400)]
+    files = [bags.file_of(bags.make(tmp_path / f'{i}', 'mcap', sent[100 * i:][:100])).rename(
+        tmp_path / f'walk_{i}.mcap') for i in range(4)]
+    (tmp_path / 'metadata.yaml').write_text('relative_file_paths:\n' + ''.join(
+        f'  - {file.name}\n' for file in files))
+    if fault == 'cut off':
+        files[2].write_bytes(files[2].read_bytes()[:-5000])
+    else:
+        files.pop(2).unlink()
+    with bag.open(files if fault == 'not given' else tmp_path, partial=True) as opened:
+        report = examine(opened)
+    assert [(each.code, each.frames) for each in report.findings] == [('gap', ('arm',))]
+    assert report.not_checked[-1] == (
+        'gap in the 2.02 s after 1700000003.981000000: a part of the recording is missing or '
+        'damaged')
+
+
 @pytest.fixture
 def several(tmp_path):
     """Bags: two healthy ones, one of two parts, one that is cut off, one with a fault."""
