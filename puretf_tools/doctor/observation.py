@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surroundings
-from puretf._text.names import namespace_path, SHOWN, TF_MESSAGE
+from puretf._text.names import comma_list, namespace_path, SHOWN, TF_MESSAGE
 from puretf._text.times import CACHE_TIME, exact_time, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf_tools.doctor.message_times import judge, MessageTimes
@@ -126,8 +126,8 @@ class Observation:
             self.left_out.append(
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
         self.left_out += [
-            f'gap in the {in_words(end - begin)} after {exact_time(begin)}: a part of the recording '
-            'is missing or damaged' for begin, end in self.missing_spans[:SHOWN]]
+            f'gap in the {in_words(end - begin)} after {exact_time(begin)}: a part of the '
+            'recording is missing or damaged' for begin, end in self.missing_spans[:SHOWN]]
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
         moving = [track for track in self.tracks if not track.stream.is_frozen]
@@ -370,6 +370,7 @@ class BagObserver:
         nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
         tracks = statistics.tracks()
         path = namespace_path(bag.namespace)
+        other_files = [file.name for file in bag.files[1:] if bag.path in bag.files]
         own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
         latched = [topic for topic in topics if topic.name == static and topic.is_tf]
         not_known = {'listeners': 'a bag does not record the listeners'}
@@ -390,7 +391,7 @@ class BagObserver:
             for durability in topic.durabilities.elements()
             if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN')]
         return Observation(
-            statistics, f'in {bag.path}', own_topics, nodes=nodes,
+            statistics, f'in {comma_list([str(bag.path), *other_files])}', own_topics, nodes=nodes,
             headers={topic.name: topic.headers for topic in topics if topic.headers.count},
             robots=self.robots.robots(), tf_topics=tf_topics, not_known=not_known,
             has_record_times=True, missing_spans=bag.missing_spans,

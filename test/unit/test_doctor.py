@@ -861,6 +861,8 @@ def test_a_gap_in_the_recording(tmp_path, fault):
     assert report.not_checked[-1] == (
         'gap in the 2.02 s after 1700000003.981000000: a part of the recording is missing or '
         'damaged')
+    where = ', '.join([str(files[0]), *(file.name for file in files[1:])])
+    assert report.verdict.endswith(f' frames in {where if fault == "not given" else tmp_path}')
 
 
 @pytest.fixture
