@@ -55,8 +55,9 @@ class PathReader:
             for _ in bag.messages(tf=False, headers=True):
                 pass
             found = sorted({each.name for each in bag.topics if each.headers.count})
-            raise BagError(f'no message on {self._at} has a header; topics with headers: '
-                           f'{comma_list(found) or "none"}')
+            why = (f'no message on {self._at} has a header' if any(
+                each.name == self._at for each in bag.topics) else f'there is no topic {self._at}')
+            raise BagError(f'{why}; topics with headers: {comma_list(found) or "none"}')
         self.stamps = np.unique(np.array(stamps, np.int64))
         if len(self.frames) == 1:
             self.frames = _one_frame(self._at, frames, ': give both frames'), *self.frames

@@ -539,9 +539,11 @@ def test_a_topic_without_stamps(failed, tmp_path):
     """The error names the topics that have headers."""
     bag = bag_of(tmp_path / 'bag', [
         *bags.walk(), *scans(*SCANS), ('/text', S, bags.string('x'), bags.STRING)])
-    for topic in '/scn', '/text', '/tf':
+    for topic, why in (('/scn', 'there is no topic /scn'), (
+            '/text', 'no message on /text has a header'), (
+            '/tf', 'no message on /tf has a header')):
         assert failed(tf_trajectory.main, 'base_link', '--at', topic, '--bag', bag) == (
-            1, f'tf_trajectory: no message on {topic} has a header; topics with headers: /scan\n')
+            1, f'tf_trajectory: {why}; topics with headers: /scan\n')
 
 
 @pytest.mark.parametrize(('frames', 'text'), [('ab', 'a, b'), (('',), "''")])
