@@ -13,7 +13,7 @@ import threading
 from typing import Any, Optional, TYPE_CHECKING
 
 from puretf import exact_time, in_seconds
-from puretf._causes.facts import OTHER_CLOCK, Publisher, Surroundings
+from puretf._causes.facts import OTHER_CLOCK
 from puretf._text.names import TF_MESSAGE, visible
 from puretf.bag import BagMessage, NOT_RECORDED, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
@@ -257,7 +257,7 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
         return Observation(
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
-            present=listener.present, mismatches=[*_mismatches(node, around)],
+            present=listener.present,
             volatile_listeners=_volatile_listeners(node, static), headers=headers.headers,
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
@@ -279,25 +279,6 @@ def _not_known(listener: 'FrameListener', counter: _Counter) -> dict[str, str]:
     if not counter.end:
         not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
     return not_known
-
-
-def _mismatches(node: 'Node', around: Surroundings) -> Iterator[tuple[Publisher, str]]:
-    """Yield the publishers whose QoS does not match that of another node's listener, and why."""
-    from rclpy.qos import qos_check_compatible, QoSCompatibility
-
-    from puretf.publisher_listener import gid_of, node_of, UNKNOWN
-    for topic in around.topics:
-        listeners = node.get_subscriptions_info_by_topic(topic)
-        qos = {gid_of(info): info.qos_profile for info in node.get_publishers_info_by_topic(topic)}
-        for each in around.publishers:
-            if each.topic != topic or each.type != TF_MESSAGE or each.lacks or each.gid not in qos:
-                continue
-            for listener in listeners:
-                compatibility, reason = qos_check_compatible(qos[each.gid], listener.qos_profile)
-                if compatibility == QoSCompatibility.ERROR and listener.topic_type == TF_MESSAGE:
-                    name = node_of(listener).replace(UNKNOWN, 'an unknown listener')
-                    yield each, f'{name} ({reason.replace("ERROR: ", "").rstrip(";. ")})'
-                    break
 
 
 def _volatile_listeners(node: 'Node', topic: str) -> list[str]:

@@ -159,7 +159,8 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
 
 
 for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
-                     ('wrong_type', ''), ('static_not_latched', 'qos'), ('other_namespace', ''),
+                     ('wrong_type', ''), ('static_not_latched', 'qos'),
+                     ('incompatible_qos', 'listeners'), ('other_namespace', ''),
                      ('silent_publisher', 'listeners'), ('similar_name', ''), ('part_prefix', '')):
     CHECKS[_code] = RULES[_code]._replace(find=partial(_found_by, _code), needs=(_need,))
 
@@ -344,15 +345,6 @@ def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
     for node in observation.volatile_listeners:
         yield _Fault(f'1 subscription of {node or "a node"} to {observation.topics[1]} has the '
                      'durability VOLATILE', topics=observation.topics[1:], nodes=[node])
-
-
-@_check(*_same('incompatible_qos'), needs=('listeners',))
-def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
-    """Find publishers and listeners whose QoS do not match, so that nothing arrives."""
-    yield from _found_by('incompatible_qos', observation)
-    for publisher, listener in observation.mismatches:
-        yield _Fault(f'1 publisher of {publisher.node} on {publisher.topic} does not match '
-                     f'{listener}', topics=[publisher.topic], nodes=[publisher.node])
 
 
 @_check(*_same('not_a_number'))

@@ -41,8 +41,6 @@ class Observation:
     #: By publisher: the full name of its node.
     nodes: Mapping[str, str] = field(default_factory=dict)
     present: Optional[Collection[str]] = None  #: the publishers that exist at the end; None: all
-    #: Publishers whose QoS does not match that of another listener: which, and why.
-    mismatches: Sequence[tuple[Publisher, str]] = ()
     volatile_listeners: Sequence[str] = ()  #: nodes that subscribe to /tf_static, volatile
     headers: Mapping[str, Headers] = field(default_factory=dict)  #: by topic
     #: By topic with headers: the full names of the nodes that publish it, if known.

@@ -566,8 +566,8 @@ def test_the_text(capsys, tmp_path):
         '    On /tf_static, /tf.',
         '    Let only one of the two topics have the frame. More: tf_doctor --explain jump',
         '',
-        'not checked: no_clock, other_user, silent_publisher, volatile_listener, '
-        'incompatible_qos: a bag does not record the listeners',
+        'not checked: no_clock, other_user, incompatible_qos, silent_publisher, '
+        'volatile_listener: a bag does not record the listeners',
         'not checked: static_not_latched: the bag does not record the QoS of the publishers',
         'not checked: two_publishers, many_publishers: the bag does not record which node has '
         'sent a message',
