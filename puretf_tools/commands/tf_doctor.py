@@ -15,7 +15,7 @@ from typing import Any, Optional, TYPE_CHECKING
 from puretf import exact_time, in_seconds
 from puretf._causes.facts import OTHER_CLOCK
 from puretf._text.names import TF_MESSAGE, visible
-from puretf.bag import BagMessage, NOT_RECORDED, recordings
+from puretf.bag import recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
 from puretf_tools.cli.progress import progress
@@ -23,7 +23,7 @@ from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
-from puretf_tools.doctor.observation import BagObserver, Observation
+from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.stream import FUTURE
 from puretf_tools.doctor.tf_statistics import Statistics
@@ -163,22 +163,14 @@ def _results(found: Sequence[Sequence[Path]], jobs: int,
 
 def _explain(ends: tuple[str, str], when: When, seconds: float, bag: Optional[BagOption],
              namespace: str, ros_args: Sequence[str]) -> Explanation:
-    # A buffer knows only the last publisher of a frame.
-    observer = BagObserver()
-
-    def add(message: BagMessage) -> None:
-        if message.publisher != NOT_RECORDED:
-            observer.add(message)
-
-    with source('tf_doctor', bag, namespace, ros_args, seconds,
-                lambda opened: opened.read(on_message=add)) as found:
-        buffer, stamp, nodes = found.buffer, when.within(found.span), dict[str, str]()
-        if listener := found.listener:
-            counter = _Counter(listener)
-            found.listen(seconds, counter.poll)
-            nodes = listener.names_of(counter.statistics.publishers())
-        statistics = counter.statistics if listener else observer.counted()
-        explanation = explain(buffer, ends, stamp, statistics.publishers_by_child(nodes))
+    with source('tf_doctor', bag, namespace, ros_args, seconds) as found:
+        stamp, listener = when.within(found.span), found.listener
+        found.listen(seconds)
+        explanation = explain(found.buffer, ends, stamp)
+        if listener:
+            nodes = listener.names_of(frame.authority for frame in explanation.path)
+            explanation = explanation._replace(path=[
+                frame._replace(authority=nodes[frame.authority]) for frame in explanation.path])
         if explanation.why_not:
             return explanation._replace(
                 why_not=found.why_not(*ends, stamp) or explanation.why_not)

@@ -47,20 +47,18 @@ class Explanation(NamedTuple):
         return '\n'.join([*lines, *wrapped(visible(result))])
 
 
-def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp: int,
-            publishers: Mapping[str, str]) -> Explanation:
+def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp: int
+            ) -> Explanation:
     """
     Explain the path from a frame up to where the two meet, then down to the other frame.
 
     If the two frames are in different trees, the path goes up to both roots.
 
     :param stamp: time of the transform (ns); 0: the latest time for which every edge has data.
-    :param publishers: by child: the names of the nodes that publish it.
     """
     with buffer.updated():  # so that all that follows describes the same state
         why_not = buffer.why_not(*ends, stamp, has_hint=False)
-        frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
-                  for frame in buffer.frames()}
+        frames = {frame.name: frame for frame in buffer.frames()}
         time = stamp or min((frame.latest for frame in _path(frames, ends) if frame.latest),
                             default=0)
         # At this time, frames may have had other parents.

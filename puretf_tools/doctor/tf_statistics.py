@@ -6,14 +6,13 @@ Of each message, only its time of arrival and its stamps are kept (16 bytes, if 
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puretf import SECOND
-from puretf._text.names import shortened
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.doctor.stream import Stream
 from puretf_tools.inspection.stamp_clock import StampClock
@@ -123,17 +122,6 @@ class Statistics(Counts):
         """Return all publishers, including those that sent only transforms with an empty name."""
         return {track.publisher for track in self._tracks} | {
             publisher for publisher, _ in self.empty_names}
-
-    def publishers_by_child(self, nodes: Mapping[str, str]) -> dict[str, str]:
-        """
-        Return the names of the publishers of each child, as a text.
-
-        :param nodes: by publisher: the name of its node, if the two differ.
-        """
-        names: dict[str, dict[str, None]] = {}
-        for track in self._tracks:
-            names.setdefault(track.child, {})[nodes.get(track.publisher, track.publisher)] = None
-        return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
 
     def stream(self, tracks: Iterable[Track]) -> Stream:
         """Return that of dynamic tracks; the same one for tracks that arrive together."""

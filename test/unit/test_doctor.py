@@ -748,13 +748,6 @@ def test_an_edge_with_the_stamp_0(capsys, tmp_path):
             capsys.readouterr().out)
 
 
-def test_two_publishers_of_an_edge(capsys, tmp_path):
-    """All publishers of an edge are named."""
-    path = bags.make(tmp_path, 'bag', in_order(FAULTS['two_publishers'][0]))
-    assert main(['--bag', str(path), 'odom', 'base_link']) == 0
-    assert '  /robot, /other' in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(('first', 'every'), [(1, 2), (3, 5)])
 @pytest.mark.parametrize('frames', ['odom base_link', 'map odom'])
 def test_a_frame_that_flickers(capsys, tmp_path, frames, first, every):
