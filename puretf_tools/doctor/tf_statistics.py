@@ -16,10 +16,12 @@ from puretf import SECOND
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.doctor.stream import Stream
 from puretf_tools.inspection.stamp_clock import StampClock
-from puretf_tools.inspection.traffic import Counts, rate
+from puretf_tools.inspection.traffic import LATEST, rate
 
 #: The largest number of names that are kept of a message with odd stamps.
 _MOST_NAMES = 100
+#: The largest number of tracks.
+_MOST_TRACKS = 10_000
 #: The norm of a quaternion may differ from 1 by this.
 NORM_TOLERANCE = 1e-3
 #: Poses are equal if their positions differ by at most this (m), and the cosine of half the angle
@@ -80,9 +82,7 @@ class Track:
         return rate(len(self.stream.stamps), self.stream.oldest, self.stream.latest)
 
 
-class Statistics(Counts):
-    fields, most_tracks = _FIELDS, 10_000
-
+class Statistics:
     def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:
         """
         Count nothing yet.
@@ -91,9 +91,12 @@ class Statistics(Counts):
             message.
         :param clock: that of the stamps; None: that of the arrivals.
         """
-        super().__init__()
         self.settling, self.clock = settling, clock or StampClock()
-        self._tracks: list[Track] = []  #: by their numbers
+        #: By child, publisher and topic (True: static), in the order of their numbers.
+        self._tracks: dict[tuple[str, str, bool], Track] = {}
+        self._values: Any = np.zeros(16, _FIELDS)  #: by the number of the track
+        #: The number of counted transforms, and of those left out as there are too many tracks.
+        self.count = self.not_counted = 0
         self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
@@ -114,13 +117,13 @@ class Statistics(Counts):
         for field in 'first_time', 'last_time':
             times = self.clock.at(all_values[field])
             all_values[field] = 0 if times is None else np.where(all_values[field] == 0, 0, times)
-        for track, values in zip(self._tracks, all_values):
+        for track, values in zip(self._tracks.values(), all_values):
             track.values = values
-        return [*self._tracks]
+        return [*self._tracks.values()]
 
     def publishers(self) -> set[str]:
         """Return all publishers, including those that sent only transforms with an empty name."""
-        return {track.publisher for track in self._tracks} | {
+        return {publisher for _, publisher, _ in self._tracks} | {
             publisher for publisher, _ in self.empty_names}
 
     def stream(self, tracks: Iterable[Track]) -> Stream:
@@ -142,7 +145,16 @@ class Statistics(Counts):
             self.add(table)
 
     def add(self, table: TransformTable) -> None:
-        super().add(table)
+        found = [self._number(table, *edge) for edge in table.edges]
+        kept = [i for i, number in enumerate(found) if number is not None]
+        if kept:
+            self.count += len(table.times) * len(kept)
+            numbers = np.array([found[i] for i in kept])
+            values = self._values[numbers]
+            self._count(values, numbers, table._replace(
+                times=table.times.clip(-LATEST, LATEST), stamps=table.stamps[:, kept],
+                poses=table.poses[:, kept]))
+            self._values[numbers] = values
         if table.nanosec >= SECOND:
             key = table.publisher, table.is_static
             largest, children = self.too_many_ns.get(key, (0, set()))
@@ -150,6 +162,7 @@ class Statistics(Counts):
                 child.removeprefix('/') for _, child in table.edges[:_MOST_NAMES]}
 
     def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
+        """Change the values (n,) of the tracks with some numbers by n transforms each message."""
         stamps, poses = table.stamps, table.poses
         is_new = values['count'] == 0
         # A simulation that starts again begins with a stamp 0, which must not hide the step back.
@@ -188,22 +201,27 @@ class Statistics(Counts):
                 kept.frombytes(new.tobytes())
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
+        """Return the number of the track of an edge; None if the edge is not counted."""
         names = parent.removeprefix('/'), child.removeprefix('/')
         if not all(names):
             others = self.empty_names.setdefault((table.publisher, table.is_static), Counter())
             others[''.join(names)] += len(table.times)
             return None
-        number = super()._number(table, parent, child)
-        if number is not None:
-            if number == len(self._tracks):
-                self._tracks.append(
-                    Track(number, names[1], table.publisher, table.is_static, self))
-            track = self._tracks[number]
-            track.switches += bool(track.parents) and next(reversed(track.parents)) != names[0]
-            track.parents.pop(names[0], None)
-            track.parents[names[0]] = None
-            track.slashed.update(name for name in (parent, child) if name.startswith('/'))
-        return number
+        key = names[1], table.publisher, table.is_static
+        if key not in self._tracks:
+            number = len(self._tracks)
+            if number >= _MOST_TRACKS:
+                self.not_counted += len(table.times)
+                return None
+            if number == len(self._values):
+                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
+            self._tracks[key] = Track(number, *key, self)
+        track = self._tracks[key]
+        track.switches += bool(track.parents) and next(reversed(track.parents)) != names[0]
+        track.parents.pop(names[0], None)
+        track.parents[names[0]] = None
+        track.slashed.update(name for name in (parent, child) if name.startswith('/'))
+        return track.number
 
 
 # Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.

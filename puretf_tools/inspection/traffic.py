@@ -1,8 +1,8 @@
 """Counts of received transforms: how many, how often and how late, by frame and by publisher."""
 
 from collections import Counter, deque
-from collections.abc import Collection, Iterable, Mapping
-from typing import Any, NamedTuple, Optional, TYPE_CHECKING
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import NamedTuple, Optional, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +22,12 @@ WINDOW = 10
 SETTLING = SECOND // 5
 #: Times of arrival (ns) are limited to this, so that no difference from a stamp exceeds int64.
 LATEST = 2**63 - 1 - 2**31 * SECOND
-#: What `Traffic` knows of the delays of a track: the times from the stamps to the arrivals (ns).
-_FIELDS: Any = [
-    ('delays', 'i8'), ('total_delay', 'f8'),  # their number and their sum
-    ('greatest_delay', 'i8'),
-    ('first', 'i8'), ('last', 'i8')]  # when the first and the last of these transforms arrived
-_EXTREMES = {'greatest_delay': np.maximum, 'first': np.minimum, 'last': np.maximum}
+#: The largest number of streams that are counted, and of arrays of each that are kept.
+_MOST_STREAMS, _MOST_TABLES = 100_000, 1000
 #: A program has fewer broadcasters than this without a frame of their own, unless it creates them
 #: again and again.
 _MANY, _MANY_SILENT = 6, 20
+_Array = NDArray[np.int64]
 
 
 def rate(count: int, first: int, last: int) -> Optional[float]:
@@ -64,61 +61,6 @@ def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
     return found if len(found) >= (_MANY if counts else _MANY_SILENT) else []
 
 
-class Counts:
-    """
-    Counts transforms by track: those of one child from one publisher on one topic.
-
-    The counts of a track are a row of an array, whose fields are those of a subclass.
-    """
-
-    fields: np.dtype[np.void]
-    most_tracks = 100_000
-
-    def __init__(self) -> None:
-        #: By child, publisher and topic (True: static): the number of the track.
-        self._numbers: dict[tuple[str, str, bool], int] = {}
-        self._values: Any = np.zeros(16, self.fields)  #: by the number of the track
-        #: The number of counted transforms, and of those left out as there are too many tracks.
-        self.count = self.not_counted = 0
-
-    def add(self, table: TransformTable) -> None:
-        found = [self._number(table, *edge) for edge in table.edges]
-        kept = [i for i, number in enumerate(found) if number is not None]
-        if kept:
-            self.count += len(table.times) * len(kept)
-            numbers = np.array([found[i] for i in kept])
-            values = self._values[numbers]
-            self._count(values, numbers, table._replace(
-                times=table.times.clip(-LATEST, LATEST), stamps=table.stamps[:, kept],
-                poses=table.poses[:, kept]))
-            self._values[numbers] = values
-
-    def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
-        """Return the number of the track of an edge; None if the edge is not counted."""
-        key = child.removeprefix('/'), table.publisher, table.is_static
-        if key not in self._numbers:
-            if len(self._numbers) >= self.most_tracks:
-                self.not_counted += len(table.times)
-                return None
-            if len(self._numbers) == len(self._values):
-                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
-            self._numbers[key] = len(self._numbers)
-        return self._numbers[key]
-
-    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
-        """Change the values (n,) of the tracks with some numbers by n transforms each message."""
-        raise NotImplementedError
-
-
-def _merge(values: Any, new: Any) -> None:
-    has_new, is_first = new['delays'] > 0, values['delays'] == 0
-    for field, extreme in _EXTREMES.items():
-        values[field] = np.where(has_new, np.where(
-            is_first, new[field], extreme(values[field], new[field])), values[field])
-    for field in 'delays', 'total_delay':
-        values[field] += new[field]
-
-
 class Summary(NamedTuple):
     """The rate and the delays of the transforms that arrived within the window."""
 
@@ -138,18 +80,20 @@ class NodeTraffic(NamedTuple):
     silence: Optional[float]  #: s since the last one; None if none was counted
 
 
-class Traffic(Counts):
-    """The messages that were received within the window; the child '' is all of a message."""
-
-    fields = np.dtype(_FIELDS)
+class Traffic:
+    """The messages that were received within the window."""
 
     def __init__(self, clock: StampClock) -> None:
         """Count nothing yet; `clock`: that of the stamps."""
-        super().__init__()
         self._clock = clock
         #: By publisher: the time of arrival of the first dynamic message (ns).
         self._since: dict[str, int] = {}
-        self._seconds: deque[Any] = deque(maxlen=WINDOW)  #: the values of each second before
+        #: By frame, publisher and topic (True: static): when it has arrived last (ns); 0: at no
+        #: known time.
+        self._last: dict[tuple[str, str, bool], int] = {}
+        #: By publisher, and the frames of a message, '' for all of it: of n messages at once, the
+        #: times of arrival (n,) and the delays (n, number of frames), in ns.
+        self._window: dict[tuple[str, tuple[str, ...]], deque[tuple[_Array, _Array]]] = {}
         self._latest = 0  #: the last time on this clock (ns)
         self._set_back = 0  #: the system time (ns) at which it jumped back last; 0: never
 
@@ -162,71 +106,73 @@ class Traffic(Counts):
             names = [child.removeprefix('/') for _, child in table.edges]
             kept = [i for i, name in enumerate(names) if name and not is_too_long(name)]
             if names:
-                first, *_ = stamps = table.stamps.T
-                mean = first + np.rint((stamps - first).mean(axis=0)).astype(np.int64)
-                stamps = np.column_stack([table.stamps[:, kept], mean])
-                # A stamp 0 is as late as any other, as for tf2.
-                self.add(table._replace(
-                    edges=[*(table.edges[i] for i in kept), ('', '')],
-                    stamps=np.where(stamps == 0, 1, stamps), poses=np.empty((*stamps.shape, 0))))
+                self._add(table, (*(names[i] for i in kept), ''), kept)
 
-    def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
-        if table.is_static:
-            return
-        since = self._since.setdefault(table.publisher, int(table.times.min()))
-        is_settled = table.times >= since + SETTLING
-        times = self._clock.at(table.times[is_settled])
-        if times is not None and len(times):
-            new, delays = np.zeros_like(values), times[:, None] - table.stamps[is_settled]
-            new['delays'] = len(times)
-            new['total_delay'] = delays.sum(axis=0, dtype=np.float64)
-            new['greatest_delay'] = delays.max(axis=0)
-            new['first'], new['last'] = times.min(), times.max()
-            _merge(values, new)
+    def _add(self, table: TransformTable, frames: tuple[str, ...], kept: list[int]) -> None:
+        last, arrivals = 0, table.times.clip(-LATEST, LATEST)
+        if not table.is_static:
+            since = self._since.setdefault(table.publisher, int(arrivals.min()))
+            is_settled = arrivals >= since + SETTLING
+            times, stamps = self._clock.at(arrivals[is_settled]), table.stamps[is_settled].T
+            if times is not None and len(times):
+                mean = stamps[0] + np.rint((stamps - stamps[0]).mean(axis=0)).astype(np.int64)
+                delays = times - np.vstack([stamps[kept], mean])
+                self._window.setdefault((table.publisher, frames), deque(
+                    maxlen=_MOST_TABLES)).append((times, delays.T))
+                last = int(times.max())
+        for frame in frames:
+            key = frame, table.publisher, table.is_static
+            if key in self._last or len(self._last) < _MOST_STREAMS:
+                self._last[key] = last or self._last.get(key, 0)
 
     def _read_clock(self) -> int:
         """Return the time on the clock (ns); if it has jumped back, discard all delays."""
         now = self._clock.now()
         if now < self._latest - SECOND:
             self._set_back = self._clock.system()
-            self._seconds.clear()
-            self._values = np.zeros_like(self._values)
-        for _ in range(min(now // SECOND - self._latest // SECOND, WINDOW + 1)):
-            self._seconds.append(self._values)
-            self._values = np.zeros_like(self._values)
-            self._values['last'] = self._seconds[-1]['last']
+            self._window.clear()
+            self._last = dict.fromkeys(self._last, 0)
         self._latest = now
+        for key, tables in [*self._window.items()]:
+            while tables and tables[0][0][-1] <= now - WINDOW * SECOND:
+                tables.popleft()
+            if not tables:
+                del self._window[key]
         return now
 
     def by_node(self, listener: 'PublisherListener', frame: Optional[str] = None
                 ) -> list[NodeTraffic]:
         """Summarise by frame and node, then all of each node; or only one frame by node."""
         now = self._read_clock()
-        keys = [key for key in self._numbers if frame in (None, key[0])]
+        keys = [key for key in self._last if frame in (None, key[0])]
         names = listener.names_of({gid for _, gid, _ in keys})
         groups: dict[tuple[bool, str, str], list[tuple[str, str, bool]]] = {}
         for key in keys:
             groups.setdefault((not key[0], key[0], names[key[1]]), []).append(key)
-        window = self._values.copy()
-        for values in self._seconds:
-            _merge(window[:len(values)], values)
+        #: By frame and node: the times of arrival, and the delays (ns).
+        found: dict[tuple[str, str], list[tuple[_Array, _Array]]] = {}
+        for (publisher, frames), tables in self._window.items():
+            if wanted := [i for i, name in enumerate(frames) if frame in (None, name)]:
+                times = np.concatenate([each for each, _ in tables])
+                delays = np.concatenate([each[:, wanted] for _, each in tables])
+                for i, column in zip(wanted, delays.T):
+                    found.setdefault((frames[i], names.get(publisher, '')), []).append(
+                        (times, column))
         rows = []
         for (_, child, node), group in sorted(groups.items()):
-            found = window[[self._numbers[key] for key in group]]
-            last = int(found['last'].max())
+            last = max(map(self._last.__getitem__, group))
             present = {listener.is_present(gid) for _, gid, _ in group}
             rows.append(NodeTraffic(
                 child, node, all(is_static for *_, is_static in group),
                 True if True in present else None if None in present else False,
-                _summary(found[found['delays'] > 0]),
+                _summary(found.get((child, node), ())),
                 in_seconds(max(0, now - last)) if last else None))
         return rows
 
 
-def _summary(values: Any) -> Optional[Summary]:
-    if not len(values):
+def _summary(found: Sequence[tuple[_Array, _Array]]) -> Optional[Summary]:
+    if not found:
         return None
-    count = int(values['delays'].sum())
-    return Summary(rate(count, int(values['first'].min()), int(values['last'].max())),
-                   in_seconds(int(values['total_delay'].sum() // count)),
-                   in_seconds(int(values['greatest_delay'].max())))
+    times, delays = map(np.concatenate, zip(*found))
+    return Summary(rate(len(times), int(times.min()), int(times.max())),
+                   in_seconds(round(delays.mean())), in_seconds(int(delays.max())))

@@ -11,7 +11,6 @@ from puretf._core.pose import Row
 from puretf._wire import cdr
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import (
-    Counts,
     NodeTraffic,
     rate,
     rate_of,
@@ -162,7 +161,7 @@ def test_messages_that_waited_for_the_discovery_are_not_late(traffic):
 
 def test_the_number_of_streams_is_bounded(monkeypatch, traffic):
     """Of too many, the first ones are counted."""
-    monkeypatch.setattr(Counts, 'most_tracks', 3)
+    monkeypatch.setattr('puretf_tools.inspection.traffic._MOST_STREAMS', 3)
     traffic.observe([message('/a', NOW, *(f'frame_{i}' for i in range(10)))])
     assert len(rows_of(traffic)) == 3
 
