@@ -1,9 +1,6 @@
 """The graph of the frames: in the DOT language, and as a drawing."""
 
-from contextlib import suppress
 from html import escape
-import os
-import signal
 import subprocess
 import sys
 
@@ -17,9 +14,6 @@ from puretf_tools.inspection.traffic import rate_of
 _DRAWING = """
 import sys
 file_format, *sys.path = sys.argv[1:]
-if sys.platform == 'linux':
-    import ctypes
-    ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
 from pygraphviz import AGraph
 dot = sys.stdin.buffer.read().decode()
 sys.stdout.buffer.write(AGraph(string=dot).draw(format=file_format, prog='dot'))
@@ -81,27 +75,15 @@ def draw(dot: str, file_format: str) -> bytes:
         raise DrawingError(
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
-    # Ctrl-C cannot interrupt the C code of graphviz, but its process can be killed. It has its own
-    # session, so that Ctrl-C reaches only the caller.
+    # Ctrl-C cannot interrupt the C code of graphviz, but its process can be killed.
     try:
-        process = subprocess.Popen(
-            [sys.executable, '-c', _DRAWING, file_format, *sys.path], start_new_session=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        done = subprocess.run([sys.executable, '-c', _DRAWING, file_format, *sys.path],
+                              input=dot.encode(), capture_output=True, check=False)
     except OSError as error:
         raise DrawingError(f'cannot start the process that draws: {error.strerror}') from None
-    with process:
-        try:
-            drawing, errors = process.communicate(dot.encode())
-        except BaseException:
-            if sys.platform == 'win32':
-                process.kill()
-            else:  # before version 2, pygraphviz starts the program dot as another process
-                with suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)
-            raise
-    if process.returncode or not drawing:
+    if done.returncode or not done.stdout:
         # The last line is the error; the lines before it may be warnings of fontconfig.
-        lines = errors.decode(errors='replace').strip().splitlines()
+        lines = done.stderr.decode(errors='replace').strip().splitlines()
         raise DrawingError('graphviz cannot draw this: '
-                           f'{lines[-1] if lines else f"exit code {process.returncode}"}')
-    return drawing
+                           f'{lines[-1] if lines else f"exit code {done.returncode}"}')
+    return done.stdout
