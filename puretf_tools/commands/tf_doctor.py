@@ -13,7 +13,6 @@ import threading
 from typing import Any, Optional, TYPE_CHECKING
 
 from puretf import exact_time, in_seconds
-from puretf._causes.facts import OTHER_CLOCK
 from puretf._text.names import TF_MESSAGE, visible
 from puretf.bag import recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
@@ -190,9 +189,7 @@ def _age(now: int, stamp: int) -> str:
     if not now:
         return ' (use_sim_time is set, but no message has arrived on /clock)'
     if stamp > now + FUTURE:
-        is_foreign = stamp > now + OTHER_CLOCK
-        return (f', {in_words(stamp - now)} after the time of this node, {exact_time(now)}'
-                f'{": they are on different clocks" if is_foreign else ""}')
+        return f', {in_words(stamp - now)} after the time of this node, {exact_time(now)}'
     return f', {in_seconds(max(0, now - stamp)):.3f} s before the end of listening'
 
 

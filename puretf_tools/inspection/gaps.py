@@ -109,12 +109,8 @@ def beyond_ends(edges: Edges, times: NDArray[np.int64]
             early = max(early, (int(edge.stamps[0]) - int(own[0]), name))
         if is_late.any():
             late = max(late, (int(own[-1]) - int(edge.stamps[-1]), name))
-    texts: dict[str, list[str]] = {}
-    for which, (time, name) in (('first', early), ('last', late)):
-        if time:
-            texts.setdefault(name, []).append(f'the {which} {in_words(time)}')
-    return is_beyond, '; of '.join(
-        f'{name}: {" and ".join(spans)}' for name, spans in texts.items())
+    return is_beyond, '; of '.join(f'{name}: the {which} {in_words(time)}' for which, (time, name)
+                                   in (('first', early), ('last', late)) if time)
 
 
 def _edge(parent: str, child: str) -> str:

@@ -26,12 +26,11 @@ class _Seen(NamedTuple):
     latest_at: float  #: when it was first seen (s)
     arrived: int  #: the stamp of the transform that arrived last (ns)
     arrived_at: float
-    offset: float  #: the newest stamp minus the time (s), when they increased
 
     @property
     def distance(self) -> float:
         """By how much the stamps have gone back (s)."""
-        return self.offset - (in_seconds(self.arrived) - self.arrived_at)
+        return in_seconds(self.latest - self.arrived) + self.arrived_at - self.latest_at
 
 
 class TimeWatch:
@@ -59,12 +58,10 @@ class TimeWatch:
             if frame.is_static:
                 continue
             is_behind = frame.latest - frame.arrived > _SMALLEST
-            seen = _Seen(frame.latest, now, frame.arrived, now, in_seconds(frame.latest) - now)
+            seen = _Seen(frame.latest, now, frame.arrived, now)
             if old := before.get(frame.name):
                 if old.latest == frame.latest:
                     seen = seen._replace(latest_at=old.latest_at)
-                if old.latest == frame.latest or is_behind:
-                    seen = seen._replace(offset=old.offset)
                 if old.arrived == frame.arrived:
                     seen = seen._replace(arrived_at=old.arrived_at)
             self._seen[frame.name] = seen

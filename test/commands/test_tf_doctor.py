@@ -366,10 +366,9 @@ def test_without_a_clock(arm_domain):
 
 @pytest.mark.parametrize(('now', 'text'), [
     (104, ', 4.000 s before the end of listening'),
-    (97, ', 3 s after the time of this node, 97.000000000'),
-    (1, ', 99 s after the time of this node, 1.000000000: they are on different clocks')])
+    (97, ', 3 s after the time of this node, 97.000000000')])
 def test_the_age_of_a_transform(now, text):
-    """It is not negative; a stamp of another clock is said to be one."""
+    """It is not negative."""
     assert tf_doctor._age(now * S, 100 * S) == text
 
 

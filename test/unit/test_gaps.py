@@ -120,7 +120,8 @@ def beyond(buffer, target, source, times):
     ([1.0, 2.0, 5.0], [False] * 3, ''), ([], [], ''),
     ([0.75, 1.5], [True, False], 'odom -> base: the first 0.25 s'),
     ([4.0, 5.04], [False, True], 'odom -> base: the last 0.04 s'),
-    ([0.0, 3.0, 1505.0], [True, False, True], 'odom -> base: the first 1 s and the last 1500 s')])
+    ([0.0, 3.0, 1505.0], [True, False, True],
+        'odom -> base: the first 1 s; of odom -> base: the last 1500 s')])
 def test_times_outside_of_the_data(times, mask, text):
     """The text says how far they are outside."""
     buffer = buffer_of(('odom', 'base', [1.0, 5.0]), ('base', 'arm', None))
