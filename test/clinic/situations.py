@@ -756,6 +756,9 @@ UNLUCKY = [
     Situation('a typo beside other faults', World([
         DRIVER, LASER, Sender('/viz', ['map m'], lacks='reliable'), Sender('/x', type='A')]),
         [Lookup('odom', 'lasr', [], ("'laser'",))]),
+    Situation('an almost equal name within a tree, and one in a third tree', World([
+        DRIVER, Sender('/rsp', ['odom Odom', 'Odom tool']), Sender('/lamp', ['world lamp']),
+        Sender('/drone', ['map World'])]), [Lookup('tool', 'lamp', [])]),
     Situation('a drone beside a robot', World([
         DRIVER, Sender('/drone', ['world drone_base_link'])]),
         [Lookup('odom', 'drone_base_link', [])]),

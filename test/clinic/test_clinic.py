@@ -130,11 +130,3 @@ def test_each_remedy_is_executed():
             executed[1] |= finds(each)
     assert [code for rules, codes in zip((RULES, CHECKS), executed) for code in rules
             if rules[code].remedy and code not in codes] == []
-
-
-def test_only_remedies_tell_what_to_do():
-    """No evidence of a rule is an imperative, as its remedy is."""
-    verbs = {rule.remedy.partition(' ')[0] for rule in RULES.values()} - {'', 'If', 'To', 'All'}
-    source = (ROOT / 'puretf' / '_causes' / 'lookups.py').read_text()
-    for evidence in re.findall(r'Evidence\(\s*f?[\'"]([^\'"]+)', source):
-        assert evidence.split(' ')[0] not in verbs

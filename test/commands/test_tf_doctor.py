@@ -248,23 +248,6 @@ def test_two_nodes_send_joint_states(ros, make_node):
     assert ' messages) send turn on /joint_states' in finding['evidence']
 
 
-def test_two_nodes_publish_the_clock(ros, other):
-    """Both are named, and nothing that follows from it."""
-    clocks = [node.create_publisher(Clock, '/clock', 10) for node in (ros.node, other)]
-    sender = TransformBroadcaster(ros.node)
-    begin = ros.node.get_clock().now().nanoseconds
-
-    def send(now):
-        for clock, offset in zip(clocks, (20 * S, 160 * S)):
-            stamp = now - begin + offset
-            clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
-        sender.sendTransform(stamped('map', 'odom', stamp))
-
-    status, data = examine(ros, *SIM_TIME, send=send, publishers=[*clocks, sender.pub_tf])
-    assert (status, codes(data)) == (1, {'two_clocks'})
-    assert {*finding_of(data, 'two_clocks')['nodes']} == {'/test', '/other'}
-
-
 def test_a_node_that_does_not_use_the_clock(ros, make_node):
     """It is named; the publisher of /clock is not."""
     nodes = [make_node(name, is_spun=True, parameter_overrides=[

@@ -2,11 +2,9 @@
 
 import pytest
 
-from puretf import ConnectivityException, TransformBuffer
 from puretf._text.names import shortened
 from puretf._text.similar_names import is_slip, near_names
 
-STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 #: Two names of one frame.
 SLIPS = [
     ('base_link ', 'base_link'), (' odom', 'odom'), (' map ', 'map'), ('Base_Link', 'base_link'),
@@ -50,39 +48,3 @@ def test_case_blanks_and_signs_do_not_hide_the_nearest_name(name, nearest):
 def test_a_blank_at_an_end_is_printed(name, printed):
     """Other white space is escaped, as each character that is not printable."""
     assert shortened(name) == printed
-
-
-def error_of_two_trees(*edges, target, source):
-    """Return the text of the error of a lookup between two trees."""
-    buffer = TransformBuffer()
-    for parent, child in edges:
-        buffer.insert(0, parent, child, STILL, is_static=True)
-    with pytest.raises(ConnectivityException) as raised:
-        buffer.lookup_transform(target, source)
-    return str(raised.value)
-
-
-@pytest.mark.parametrize(('name', 'other'), [
-    slip for slip in SLIPS if not slip[0].startswith('/')])  # tf2 removes the slash
-@pytest.mark.parametrize('ends', [('top', 'tip'), ('tip', 'top')])
-def test_two_trees_because_of_a_slip(name, other, ends):
-    """The error names both; the frames of the lookup may be others."""
-    target, source = ends
-    text = error_of_two_trees(
-        ('top', name), (other, 'arm'), ('arm', 'tip'), target=target, source=source)
-    assert any(f'{a!r} and {b!r} are almost the same name' in text
-               for a, b in ((name, other), (other, name)))
-    assert '. If they are one frame, use one name. More: ' in text
-
-
-@pytest.mark.parametrize('edges', [
-    *([('top', name), (other, 'tip')] for name, other in DIFFERENT
-      if name and other not in ('', 'map')),
-    pytest.param([('top ', 'top'), ('map', 'tip')], id='within one tree'),
-    pytest.param([('base', 'top'), ('map', 'tip'), ('earth', 'base ')], id='in a third tree')],
-    ids=str)
-def test_two_trees_for_another_reason(edges):
-    """Names are different on purpose, or a slip does not separate the two trees."""
-    text = error_of_two_trees(*edges, target='top', source='tip')
-    assert 'almost the same' not in text
-    assert ' in the tree with root ' in text
