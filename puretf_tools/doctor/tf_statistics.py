@@ -38,7 +38,7 @@ _FIELDS = np.dtype([
     ('unnormalized', 'i8'),  # with a quaternion whose norm is not 1
     ('norm_error', 'f8'),  # the largest difference of the norm from 1
     ('changes', 'i8'),  # with another pose than the one before; on /tf only if the stamp is equal
-    ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp that is not 0 (ns), and the last pose
+    ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns), and the last pose
     ('pose_before', '7f8'),  # the pose before the last one
     ('speed', 'f8'),  # the speed between these two (m/s plus rad/s)
     ('usual_speed', 'f8'),  # the largest of the speeds but those of jumps; see `_add_moves`
@@ -165,10 +165,7 @@ class Statistics:
         """Change the values (n,) of the tracks with some numbers by n transforms each message."""
         stamps, poses = table.stamps, table.poses
         is_new = values['count'] == 0
-        # A simulation that starts again begins with a stamp 0, which must not hide the step back.
-        known = _without_zeros(np.concatenate([
-            np.where(is_new, stamps[0], values['stamp'])[None], stamps]))
-        before = known[:-1]
+        before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
         is_compared = np.ones_like(stamps, np.bool_) if table.is_static else (
             (stamps == before) & (stamps != 0))
         is_compared[0] &= ~is_new
@@ -182,7 +179,7 @@ class Statistics:
             values['first_time'] = np.where(first == 0, times.min(), first)
             values['last_time'] = np.maximum(values['last_time'], times.max())
         values['count'] += len(stamps)
-        values['stamp'], values['pose'] = known[-1], poses[-1]
+        values['stamp'], values['pose'] = stamps[-1], poses[-1]
 
     def _keep(self, numbers: NDArray[np.intp], table: TransformTable) -> None:
         """Keep arrivals; the transforms of a message usually have the same stamp."""
@@ -294,9 +291,3 @@ def distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArra
         result = np.sqrt(np.einsum('ijk,ijk->ij', steps, steps)) + np.sqrt(
             np.maximum(8.0 - 8.0 * cosine, 0.0))
     return np.where(np.isfinite(result), result, 0.0)
-
-
-def _without_zeros(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (m, n) stamps, in which the stamp before replaces a 0."""
-    rows = np.where(stamps != 0, np.arange(len(stamps))[:, None], 0)
-    return np.take_along_axis(stamps, np.maximum.accumulate(rows), 0)

@@ -23,15 +23,14 @@ def reference(content):
     """Return the statistics of a frame, computed in plain Python from (arrival, stamp, pose)."""
     stamps = [stamp for _, stamp, _ in content]
     steps = [b - a for a, b in pairwise(filter(None, stamps))]
-    before = [next(filter(None, stamps[i::-1]), 0) for i in range(len(stamps))]
     norms = [sum(v * v for v in pose[3:]) ** 0.5 for _, _, pose in content]
     known = [(arrival - stamp, stamp) for arrival, stamp, _ in content if stamp]
     return {
         'count': len(content), 'zero_stamps': stamps.count(0),
         'backwards': sum(step < 0 for step in steps),
         'step_back': max([-step for step in steps if step < 0], default=0),
-        'changes': sum(stamp == b[1] != 0 and a[2][:6] != b[2][:6] for stamp, (a, b) in zip(
-            before, pairwise(content))),  # not if only the norm differs
+        # Not if only the norm differs.
+        'changes': sum(a[1] == b[1] != 0 and a[2][:6] != b[2][:6] for a, b in pairwise(content)),
         'unnormalized': sum(abs(norm - 1.0) > 1e-3 for norm in norms),
         'oldest': min([stamp for _, stamp in known], default=0),
         'latest': max([stamp for _, stamp in known], default=0),
