@@ -111,17 +111,17 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 rule.code, fault.severity or rule.severity, frames, topics, nodes, fault.evidence,
                 rule.remedy if fault.remedy == '' else fault.remedy or '', rule.section,
                 fault.time))
-            names = {*(frames or nodes if fault.scope is None else fault.scope)}
-            of_messages = [code for code in rule.explains if code.startswith('message_')]
-            explained.append((rule.explains, names))
-            if of_messages:
-                explained.append((of_messages, observation.below(names)))
+            explained.append((rule.explains, {
+                *(frames or nodes if fault.scope is None else fault.scope)}))
     return sorted((finding for finding in findings if not any(
-        finding.code in codes and _is_among(finding, names) for codes, names in explained)),
+        finding.code in codes and _is_among(finding, names, observation)
+        for codes, names in explained)),
         key=lambda finding: SEVERITIES.index(finding.severity))
 
 
-def _is_among(finding: Finding, names: Collection[str]) -> bool:
+def _is_among(finding: Finding, names: set[str], observation: Observation) -> bool:
+    if finding.code.startswith('message_'):
+        names = observation.below(names)
     return not names or not (finding.frames or finding.nodes) or any(
         each and {*each}.issubset(names) for each in (finding.frames, finding.nodes))
 

@@ -80,12 +80,8 @@ def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = No
             own[step] > lengths[first:last][inside])
         inside, step = first + inside[is_hole], step[is_hole]
         lengths[inside] = own[step]
-        last_step, hole = -1, None
         for i, j in zip(inside.tolist(), step.tolist()):
-            if j != last_step:
-                last_step = j
-                hole = Hole(edge.parent, edge.child, *edge.stamps[j:j + 2].tolist())
-            found[i] = hole
+            found[i] = Hole(edge.parent, edge.child, *edge.stamps[j:j + 2].tolist())
     return found
 
 
