@@ -476,8 +476,6 @@ FAULTY = [
         ['clock_stands'], [{'senders': [SIM_DRIVER], 'speed': 1.0}],
         report=['warning clock_stands',
                 'the time on /clock of /gazebo has stood for 20.0 s.']),
-    Situation('an INS on GPS time, and scans in time', World(
-        [DRIVER._replace(offset=18.0), LASER], sensors=[Sensor()]), [], ['other_clock']),
     Situation('an EKF in the time zone of India, and scans', World(
         [DRIVER._replace(offset=19800.0), SLAM, LASER], sensors=[Sensor()]), [], ['other_clock']),
     Situation('a localiser whose clock is 25 s ahead', World(
@@ -485,9 +483,6 @@ FAULTY = [
     Situation('a frame at 0.2 Hz, and scans', World(
         [DRIVER, LASER, Sender('/navsat', ['utm odom'], 0.2, begin=-24.0, end=-4.0)],
         sensors=[Sensor()]), [], ['message_early']),
-    Situation('a localiser that is 3 s late, and scans', World(
-        [DRIVER, LASER, SLAM._replace(offset=-3.0)], sensors=[Sensor()]), [],
-        ['message_early', 'late']),
     Situation('a frame was sent once on /tf, and images of it', World(
         [DRIVER, Sender('/s', ['base_link cam'], 0, begin=-12.0)], sensors=[Sensor(frame='cam')]),
         [], ['one_shot']),

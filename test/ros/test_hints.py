@@ -10,7 +10,6 @@ import weakref
 from processes import ARM, reserved_domain
 import pytest
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -292,27 +291,6 @@ def test_a_node_that_has_ended(ros, other, passing):
     other.destroy_publisher(publisher)
     ros.until(lambda: '/test, which has published it, has ended. Start /test again.'
               in str(error_of(buffer, latest + S)))
-    listener.unregister()
-
-
-def test_the_clock_of_the_node(ros, make_node):
-    """The node has use_sim_time, the publisher has not; it is 100 s on /clock."""
-    ros.node.create_publisher(ClockMessage, '/clock', 10)
-    simulated = make_node(
-        'simulated', parameter_overrides=[Parameter('use_sim_time', value=True)])
-    simulated.get_clock().set_ros_time_override(
-        Time(seconds=100, clock_type=ClockType.ROS_TIME))
-    buffer = Buffer()
-    listener = TransformListener(buffer, simulated)
-    broadcaster = TransformBroadcaster(ros.node)
-
-    def is_told():
-        broadcaster.sendTransform(stamped('map', 'base', now_of(ros)))
-        return (buffer.can_transform('map', 'base', Time())
-                and 'ahead of the clock of this node. Set use_sim_time in all nodes, or in none. '
-                in str(error_of(buffer, 100 * S)))
-
-    ros.until(is_told)
     listener.unregister()
 
 

@@ -107,6 +107,10 @@ FAULTS = {
     'loop': (
         [tf(i, 'c a', 'a b', 'b c') for i in range(100)], ['a', 'b', 'c'],
         '^3 frames in a loop: '),
+    'other_clock': (  # that of a simulation is the usual one
+        [tf(i, edge, stamp=i * 20 * MS + (S if edge != 'odom arm' else 10**6 * S))
+         for i in range(100) for edge in ('map odom', 'odom base_link', 'odom arm')],
+        ['arm'], '^all stamps of arm are at least 999997 s after those of odom$'),
     'unnormalized': (
         with_pose(robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 1.002)), ['base_link'],
         r'^1 of 100 transforms of base_link with .* whose norm differs from 1 by up to 0\.002$'),
@@ -186,10 +190,6 @@ CASES = {
     'half of the frames from another clock': (
         [tf(i, edge, stamp=at(i) if edge == 'map odom' else i * 20 * MS + S)
          for i in range(100) for edge in ('map odom', 'odom base_link')], {'other_clock'}),
-    'another clock than that of the simulation': (
-        [tf(i, edge, stamp=i * 20 * MS + (S if edge != 'odom arm' else 10**6 * S))
-         for i in range(100) for edge in ('map odom', 'odom base_link', 'odom arm')],
-        {'other_clock'}),
     'a slow simulation that pauses': (
         [tf(i * 50, edge, stamp=i * S // 10 + S)
          for i in [*range(200), *range(900, 1000)]
@@ -218,8 +218,6 @@ CASES = {
         [static('map odom'), *(tf(i, 'odom base_link', topic='/robot/tf') for i in range(100))],
         {'other_namespace'}),
     'no transforms': ([('/tf', T, [], bags.TF, '/robot')], {'no_transforms'}),
-    'another type that has no header': (
-        [static('map odom'), ('/tf', T, b'\0\1\0\0\0', 'std_msgs/msg/Bool')], {'wrong_type'}),
     'two clocks in turn on one frame': (
         [each for i in range(100) for each in (
             tf(i, 'odom base_link'), tf(i, 'odom base_link', stamp=at(i) - 604_800 * S))],
@@ -487,17 +485,6 @@ def test_another_type(capsys, tmp_path, kind):
     assert not any('/tf' in text for text in found['not_checked'])
 
 
-def test_whose_clock_is_wrong(capsys, tmp_path):
-    """The frames whose stamps are wrong are named, and how far they are away."""
-    content, _ = CASES['half of the frames from another clock']
-    _, found = doctor(capsys, bags.make(tmp_path, 'db3', in_order(content)))
-    assert found['findings'][0]['frames'] == ['base_link']
-    content, _ = CASES['another clock than that of the simulation']
-    _, found = doctor(capsys, bags.make(tmp_path, 'mcap', in_order(content)))
-    assert found['findings'][0]['evidence'] == (
-        'all stamps of arm are at least 999997 s after those of odom')
-
-
 @pytest.mark.parametrize(('name', 'kind'), with_kinds(HEALTHY))
 def test_healthy(capsys, tmp_path, name, kind):
     """Nothing is found where nothing is wrong."""
@@ -612,12 +599,6 @@ def test_wrong_arguments(failed, arguments, text):
     code, error = failed(main, *arguments)
     assert code == 2
     assert text in error
-
-
-def test_a_bag_that_cannot_be_read(failed, tmp_path):
-    """One line says why; the exit code is 1."""
-    code, error = failed(main, '--bag', str(tmp_path / 'missing'))
-    assert (code, 'missing' in error) == (1, True)
 
 
 def test_without_ros(tmp_path):
