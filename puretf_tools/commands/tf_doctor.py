@@ -196,22 +196,6 @@ def _age(now: int, stamp: int) -> str:
 # A live system
 
 
-class _Counter:
-    """The statistics of what a listener has received."""
-
-    def __init__(self, listener: 'FrameListener') -> None:
-        self._listener = listener
-        self.statistics = Statistics(SETTLING, listener.clock)
-        self.dropped = 0  #: the number of messages that arrived too fast
-        self.end = 0  #: the time of the last `poll` (ns); 0: not known
-
-    def poll(self) -> None:
-        self.end = self._listener.now()
-        received, dropped = self._listener.dated()
-        self.dropped += dropped
-        self.statistics.add_messages(received)
-
-
 def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms and to what is beside them; add what the ROS graph knows."""
     from puretf.publisher_listener import nodes_on, TransformSampler
@@ -221,8 +205,8 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
     with source('tf_doctor', None, namespace, ros_args) as found, ExitStack() as stack:
         listener = found.listener
         assert listener
-        node, counter = listener.node, _Counter(listener)
-        statistics = counter.statistics
+        node, statistics = listener.node, Statistics(SETTLING, listener.clock)
+        dropped: list[int] = []
         static, dynamic = listener.topics
         headers, robots, pulse = HeaderSampler(node), RobotListener(node, dynamic), listener.pulse
         transforms = TransformSampler(node, (static, dynamic))
@@ -234,15 +218,18 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
             stack.callback(sampler.close)
 
         def poll() -> None:
-            for each in counter, survey, headers, robots, transforms:
+            messages, number = listener.dated()
+            statistics.add_messages(messages)
+            dropped.append(number)
+            for each in survey, headers, robots, transforms:
                 each.poll()
 
-        elapsed = found.listen(seconds, poll)
+        elapsed, end = found.listen(seconds, poll), listener.now()
         joint_senders, around = robots.senders(), listener.around()
         left_out = [f'headers on {topic}: {why}'
                     for topic, why in sorted(headers.not_read.items())]
-        if counter.dropped:
-            left_out.append(f'{counter.dropped} messages: they arrived too fast')
+        if any(dropped):
+            left_out.append(f'{sum(dropped)} messages: they arrived too fast')
         return Observation(
             statistics, f'in {elapsed:.1f} s', (dynamic, static),
             nodes=listener.names_of(statistics.publishers()),
@@ -255,17 +242,16 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
             other_transforms=transforms.heard(),
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                        if TF_MESSAGE in types and node.count_publishers(topic)],
-            not_known=_not_known(listener, counter), left_out=left_out, end=counter.end,
+            not_known=_not_known(listener, statistics, end), left_out=left_out, end=end,
             ahead=listener.ahead, clock_text=listener.clock_text(),
             clock_stands=clock.stands(), around=around, seconds=elapsed, late=pulse.late(elapsed))
 
 
-def _not_known(listener: 'FrameListener', counter: _Counter) -> dict[str, str]:
-    not_known = {}
-    tracks = counter.statistics.tracks()
+def _not_known(listener: 'FrameListener', statistics: Statistics, end: int) -> dict[str, str]:
+    not_known, tracks = {}, statistics.tracks()
     if tracks and all(listener.is_present(track.publisher) is None for track in tracks):
         not_known['nodes'] = 'the ROS graph does not know the publishers of the transforms'
-    if not counter.end:
+    if not end:
         not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
     return not_known
 
