@@ -1,9 +1,4 @@
-"""
-Names for texts, and the sections of docs/troubleshooting.md.
-
-Names of frames are received from other nodes. They can contain any character, and can be long.
-Therefore they are escaped and abbreviated before they are printed.
-"""
+"""Names for texts, escaped and abbreviated, and the sections of docs/troubleshooting.md."""
 
 from collections.abc import Callable, Sequence
 from posixpath import relpath

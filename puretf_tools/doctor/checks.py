@@ -546,11 +546,7 @@ _Messages = list[tuple[MessageTimes, NDArray[np.bool_]]]
 
 def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
-    """
-    Yield the topics with many messages of a verdict, and which of their messages these are.
-
-    Messages that wait shorter than `least_wait` (ns) are not many.
-    """
+    """Yield the topics with many messages of a verdict that wait so long (ns); and a mask."""
     for topic in observation.message_times:
         if topic.topic in observation.off_clock:
             continue  # see message_other_clock

@@ -142,13 +142,7 @@ def judge(topic: str, headers: Headers,
 
 def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: Sequence[Edge],
               span: tuple[int, int]) -> tuple[_Array, _Array, _Array]:
-    """
-    Judge the messages of one frame.
-
-    :param times: the arrivals on the clock of the stamps (ns); None: not known.
-    :param edges: the dynamic edges from the frame to the root.
-    :returns: verdicts, waits as in `MessageTimes`, and the index of the edge that was waited for.
-    """
+    """Return verdicts, waits and the index of the edge that was waited for; see `judge`."""
     ready, slowest = arrivals.copy(), np.zeros_like(stamps)
     for i, edge in enumerate(edges):
         reached = edge.reaches(stamps)

@@ -118,6 +118,17 @@ class Observation:
                            for robot in self.robots if self.is_own(robot.topic)]
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
+        self._add_left_out()
+        moving = [track for track in self.tracks if not track.stream.is_frozen]
+        if self.has_record_times and 2 * total(moving, 'foreign') > total(
+                moving, 'delays') and not any(track.stream.alternates for track in moving):
+            self.clock = max(moving, key=itemgetter('delays'))
+            self.not_known.setdefault(
+                'arrivals', 'the bag was recorded with another clock than that of the stamps; '
+                f'they are about {in_words(self.clock.stream.mean_delay)} apart')
+
+    def _add_left_out(self) -> None:
+        if self.statistics.not_counted:
             self.left_out.append(
                 f'{self.statistics.not_counted} transforms: there are too many frames')
         for error, count in self.statistics.malformed.most_common(SHOWN):
@@ -128,13 +139,6 @@ class Observation:
             'recording is missing or damaged' for begin, end in self.missing_spans[:SHOWN]]
         self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
                           for robot in self.robots if robot.problem]
-        moving = [track for track in self.tracks if not track.stream.is_frozen]
-        if self.has_record_times and 2 * total(moving, 'foreign') > total(
-                moving, 'delays') and not any(track.stream.alternates for track in moving):
-            self.clock = max(moving, key=itemgetter('delays'))
-            self.not_known.setdefault(
-                'arrivals', 'the bag was recorded with another clock than that of the stamps; '
-                f'they are about {in_words(self.clock.stream.mean_delay)} apart')
 
     def is_own(self, topic: str) -> bool:
         """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
@@ -334,11 +338,7 @@ def total(tracks: Iterable[Track], statistic: str) -> int:
 
 
 class BagObserver:
-    """
-    What is observed of a bag while it is read.
-
-    Pass `wanted` as `others` to `Bag.messages` or `Bag.read`, and each message to `add`.
-    """
+    """Observes a bag: pass `wanted` as `others` when it is read, and each message to `add`."""
 
     wanted = RobotsInBag.wanted
 

@@ -193,11 +193,7 @@ class Stream:
 
     @cached_property
     def clock_step(self) -> Optional[tuple[float, float]]:
-        """
-        The delays (ns) before and after a step of the clock that stamps; None: there is none.
-
-        Stamps step forward, while messages arrive as before, and delays are constant otherwise.
-        """
+        """The delays (ns) before and after a step forward of the stamps' clock; None: no step."""
         delays = self._delays()
         length, _, at = self.largest_step
         if length <= max(SHORTEST_GAP, GAP * self.period) or delays is None or self.is_hole(at):

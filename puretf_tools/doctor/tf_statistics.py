@@ -84,13 +84,7 @@ class Track:
 
 class Statistics:
     def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:
-        """
-        Count nothing yet.
-
-        :param settling: the delays of a publisher are ignored for this time (ns) after its first
-            message.
-        :param clock: that of the stamps; None: that of the arrivals.
-        """
+        """Count nothing yet; `settling`: how long (ns) a new publisher has no delays."""
         self.settling, self.clock = settling, clock or StampClock()
         #: By child, publisher and topic (True: static), in the order of their numbers.
         self._tracks: dict[tuple[str, str, bool], Track] = {}

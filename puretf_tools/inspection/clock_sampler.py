@@ -77,11 +77,7 @@ class SimTimeSurvey:
     """Asks nodes whether they use /clock, while it is published."""
 
     def __init__(self, node: Node, sampler: ClockSampler, nodes: Callable[[], set[str]]) -> None:
-        """
-        Ask nobody yet.
-
-        :param nodes: returns the full names of the nodes that may be asked.
-        """
+        """Ask nobody yet; `nodes` returns the full names of those that may be asked."""
         self._node, self._sampler, self._nodes, self._next = node, sampler, nodes, 0.0
         self._clients: dict[str, Any] = {}
         #: By node: whether it uses /clock; nodes that have not answered are left out.

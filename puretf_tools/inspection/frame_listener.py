@@ -124,12 +124,7 @@ class FrameListener(PublisherListener):
 
     def why_no_transform(self, target: str, source: str, time: int = 0,
                          say: Optional[Once] = None) -> str:
-        """
-        Return why there is no transform, with a hint; '' if there is one.
-
-        :param time: (ns); 0: the latest time for which every edge on the path has data.
-        :param say: abbreviates the text to tf2's words.
-        """
+        """Return why there is no transform, with a hint unless `say` omits it; '': there is."""
         words = self.buffer.why_not(target, source, time, has_hint=False)
         why = words and (self.buffer.why_not(target, source, time) or words)
         return say(why, words) if say else why

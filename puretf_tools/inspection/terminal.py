@@ -1,9 +1,4 @@
-"""
-Output to a terminal: whether stdout is one, its size and escapes, and the width of texts.
-
-Control characters in names are escaped before names are printed: see `visible` of
-`puretf`.
-"""
+"""Output to a terminal: whether stdout is one, its size and escapes, and the width of texts."""
 
 from collections.abc import Sequence
 import re
