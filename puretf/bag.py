@@ -248,7 +248,7 @@ class Bag(AbstractContextManager['Bag']):
                     self._on_progress((number + item) / len(self.files))
                     continue
                 topic, time, data = item
-                if contents.has_lost and last:
+                if contents.has_lost and 0 < last < time:
                     contents.missing_spans.append((last, time))
                 contents.has_lost, last = False, time
                 is_inside = topic.is_wanted and (start <= time < stop or topic.is_static)
