@@ -1,7 +1,7 @@
 """Publishing static transforms on /tf_static."""
 
 # Before the packages of ROS, to say how to install them.
-from puretf._ros.qos import check_node, create_publisher, profile, TF_STATIC
+from puretf._ros.qos import check_node, create_publisher, profile, publish, TF_STATIC
 
 # isort: split
 from collections.abc import Iterable
@@ -66,4 +66,4 @@ class StaticTransformBroadcaster:
             if replaces:
                 self._sent.clear()
             self._sent.update({fields[3].removeprefix('/'): fields for fields in new})
-            self.pub_tf.publish(cdr.pack_fields([*self._sent.values()]))
+            publish(self.pub_tf, cdr.pack_fields([*self._sent.values()]))

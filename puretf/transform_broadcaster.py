@@ -18,7 +18,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from puretf._core.composition import normalize_poses
 from puretf._core.times import nanoseconds_or_int
 from puretf._ros import transform_stamped
-from puretf._ros.qos import check_node, create_publisher, profile, TF
+from puretf._ros.qos import check_node, create_publisher, profile, publish, TF
 from puretf._wire import cdr
 from puretf.exceptions import described
 
@@ -58,11 +58,12 @@ class TransformBroadcaster:
             Unicode; if a frame is its own parent; if a number is not finite; if a quaternion
             cannot be normalised; or if the value of a field has a wrong type or does not fit the
             field.
+        :raises ExternalShutdownException: if ROS has been shut down, such as by Ctrl-C.
         """
         transforms = transform_stamped.as_list(transform)
         with transform_stamped.explain_bad_fields(transforms):
             fields = [*transform_stamped.fields_to_send(transforms)]
-            self.pub_tf.publish(cdr.pack_fields(fields))
+            publish(self.pub_tf, cdr.pack_fields(fields))
         self._note(child for _, _, _, child, _ in fields)
 
     def _note(self, children: Iterable[str]) -> None:
@@ -116,4 +117,4 @@ class PreparedTransforms:
         if not normalize_poses(values.copy()):
             for edge, pose in zip(self.edges, values.tolist()):
                 transform_stamped.check_pose(*edge, pose)
-        self._publisher.publish(data)
+        publish(self._publisher, data)

@@ -3,6 +3,7 @@
 from typing import Any, Optional, Union
 
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, qos_policy_name_from_kind, QoSProfile
@@ -10,6 +11,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from puretf._core.texts import ThrottledLog
 from puretf._ros.messages import TFMessage
+from puretf._ros.rclpy_private import RCLError
 from puretf.exceptions import described
 
 #: The profile of dynamic transforms, as in tf2_ros: reliable and volatile.
@@ -50,3 +52,14 @@ def create_publisher(node: Node, topic: str, qos: QoSProfile,
     return node.create_publisher(
         TFMessage, topic, qos, event_callbacks=PublisherEventCallbacks(incompatible_qos=warn),
         qos_overriding_options=qos_overriding_options)
+
+
+def publish(publisher: Publisher, data: bytes) -> None:
+    """Publish the bytes of a message; after a shutdown, raise an ExternalShutdownException."""
+    try:
+        publisher.publish(data)
+    except RCLError as error:
+        # Ctrl-C or SIGTERM has shut ROS down while a callback was about to send.
+        if 'context is invalid' not in str(error):
+            raise
+        raise ExternalShutdownException from error

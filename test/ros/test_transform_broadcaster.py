@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -127,6 +128,18 @@ def test_a_bad_transform_is_a_value_error(ros, kind):
     for bad, error in BAD:
         with pytest.raises(ValueError, match=error):
             broadcaster.sendTransform([transform('a', 'b'), bad])
+
+
+def test_after_a_shutdown(ros):
+    """Ctrl-C in a callback that sends is the exception that programs expect of `rclpy.spin`."""
+    moving, static = TransformBroadcaster(ros.node), StaticTransformBroadcaster(ros.node)
+    prepared = moving.prepare([('map', 'base_link')])
+    ros.node.context.shutdown()
+    for send in (lambda: moving.sendTransform(transform()),
+                 lambda: static.sendTransform(transform()),
+                 lambda: prepared.send(1, [(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)])):
+        with pytest.raises(ExternalShutdownException):
+            send()
 
 
 def test_odd_but_sound_transforms_are_sent(ros, received):
