@@ -1,7 +1,7 @@
 """Publishing static transforms on /tf_static."""
 
 # Before the packages of ROS, to say how to install them.
-from puretf._ros.qos import check_node, create_publisher, profile, publish, TF_STATIC
+from puretf._ros.qos import check_node, profile, publish, TF_STATIC
 
 # isort: split
 from collections.abc import Iterable
@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from puretf._ros.messages import TFMessage
 from puretf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from puretf._wire import cdr
 
@@ -36,8 +37,9 @@ class StaticTransformBroadcaster:
         :param qos_overriding_options: which policies parameters of the node can override.
         """
         check_node(node, 'StaticTransformBroadcaster(node)')
-        self.pub_tf = create_publisher(node, tf_static_topic, profile(
-            1 if qos is None else qos, TF_STATIC), qos_overriding_options)
+        self.pub_tf = node.create_publisher(
+            TFMessage, tf_static_topic, profile(1 if qos is None else qos, TF_STATIC),
+            qos_overriding_options=qos_overriding_options)
         self._sent: dict[str, cdr.Fields] = {}
         self._lock = RLock()  # because a signal handler may send, too
 

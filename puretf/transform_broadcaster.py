@@ -18,7 +18,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from puretf._core.composition import normalize_poses
 from puretf._core.times import nanoseconds_or_int
 from puretf._ros import transform_stamped
-from puretf._ros.qos import check_node, create_publisher, profile, publish, TF
+from puretf._ros.messages import TFMessage
+from puretf._ros.qos import check_node, profile, publish, TF
 from puretf._wire import cdr
 from puretf.exceptions import described
 
@@ -45,7 +46,8 @@ class TransformBroadcaster:
         :param qos_overriding_options: which policies parameters of the node can override.
         """
         check_node(node, 'TransformBroadcaster(node)')
-        self.pub_tf = create_publisher(node, tf_topic, profile(qos, TF), qos_overriding_options)
+        self.pub_tf = node.create_publisher(
+            TFMessage, tf_topic, profile(qos, TF), qos_overriding_options=qos_overriding_options)
         self._children = broadcast.setdefault(node, set())
 
     def sendTransform(  # noqa: N802

@@ -1,16 +1,11 @@
-"""The QoS of /tf and /tf_static, and publishers with it."""
+"""The QoS of /tf and /tf_static, and publishing."""
 
 from typing import Any, Optional, Union
 
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, qos_policy_name_from_kind, QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from puretf._core.texts import ThrottledLog
-from puretf._ros.messages import TFMessage
 from puretf._ros.rclpy_private import RCLError
 from puretf.exceptions import described
 
@@ -31,27 +26,6 @@ def check_node(node: Any, call: str) -> None:
     """Raise a TypeError that shows the right call if an argument is not a node."""
     if not hasattr(node, 'create_publisher'):
         raise TypeError(f'node must be a Node of rclpy, got {described(node)}: write {call}')
-
-
-def create_publisher(node: Node, topic: str, qos: QoSProfile,
-                     qos_overriding_options: Optional[QoSOverridingOptions]) -> Publisher:
-    """
-    Create a publisher of TFMessages that warns of incompatible subscriptions, as rclpy does.
-
-    Unlike rclpy, it does not warn of each subscription, but at most once a second.
-    """
-    log, name = ThrottledLog(), node.resolve_topic_name(topic)
-
-    def warn(event: Any) -> None:
-        if log.is_due('QoS', 1.0):
-            node.get_logger().warning(
-                f"New subscription discovered on topic '{name}', requesting incompatible QoS. "
-                'No messages will be sent to it. Last incompatible policy: '
-                f'{qos_policy_name_from_kind(event.last_policy_kind)}')
-
-    return node.create_publisher(
-        TFMessage, topic, qos, event_callbacks=PublisherEventCallbacks(incompatible_qos=warn),
-        qos_overriding_options=qos_overriding_options)
 
 
 def publish(publisher: Publisher, data: bytes) -> None:

@@ -8,13 +8,9 @@ from typing import Any, cast
 import warnings
 
 from geometry_msgs.msg import TransformStamped
-from messages import ignore
 import numpy as np
 import pytest
-from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message, serialize_message
@@ -22,7 +18,6 @@ from rclpy.time import Time
 from ros_node import LATCHED, run_in_thread
 
 from puretf import StaticTransformBroadcaster, TFMessage, Transform, TransformBroadcaster
-from puretf._core import texts
 
 
 def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
@@ -41,36 +36,6 @@ def received(ros):
     messages = []
     ros.node.create_subscription(TFMessage, '/tf', lambda m: messages.append(m.transforms), 100)
     return messages
-
-
-@pytest.mark.parametrize(('broadcaster', 'qos', 'policy'), [
-    (TransformBroadcaster, LATCHED, 'DURABILITY'),
-    (StaticTransformBroadcaster, QoSProfile(depth=1, deadline=Duration(seconds=1)), 'DEADLINE')])
-def test_incompatible_subscriptions_are_logged_once_a_second(
-        ros, monkeypatch, broadcaster, qos, policy):
-    """The first of many is logged in the words of rclpy, those in the second after it are not."""
-    lines = []
-    monkeypatch.setattr(
-        RcutilsLogger, 'log', lambda self, message, severity, **_: lines.append(message))
-    now, topic = 1000.0, broadcaster(ros.node).pub_tf.topic_name
-    monkeypatch.setattr(texts, 'monotonic', lambda: now)
-
-    def subscribe(number):
-        for _ in range(number):
-            ros.node.create_subscription(
-                TFMessage, topic, ignore, qos,
-                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
-            ros.executor.spin_once(timeout_sec=0.05)
-
-    subscribe(1)
-    ros.until(lambda: lines)
-    subscribe(5)
-    assert lines == [
-        f"New subscription discovered on topic '{topic}', requesting incompatible QoS. No "
-        f'messages will be sent to it. Last incompatible policy: {policy}']
-    now += 1.0
-    subscribe(1)
-    ros.until(lambda: len(lines) == 2)
 
 
 @pytest.mark.parametrize(('broadcaster', 'topic', 'durability'), [
