@@ -12,9 +12,6 @@ _REMEDY = ('needs services and actions of tf2_msgs, which only ROS has. To look 
 class Unavailable(type):
     """The type of a class that can be imported, but not used."""
 
-    # rclpy reads these names from the type of a message, service or action.
-    _TYPE_SUPPORT = None
-
     def __call__(cls, *_: Any, **__: Any) -> NoReturn:
         """Raise NotImplementedError, which says what to use instead."""
         raise NotImplementedError(f'{cls.__name__} {_REMEDY}')
@@ -22,11 +19,6 @@ class Unavailable(type):
     def __getattr__(cls, name: str) -> NoReturn:
         """Raise AttributeError for a constant or a nested class."""
         raise AttributeError(f'{cls.__name__}.{name}: {cls.__name__} {_REMEDY}')
-
-    @staticmethod
-    def __import_type_support__() -> NoReturn:
-        """Raise NotImplementedError: rclpy calls this when a client or server is created."""
-        raise NotImplementedError(f'this type of tf2_msgs {_REMEDY}')
 
 
 class BufferClient(metaclass=Unavailable):
