@@ -253,11 +253,8 @@ class _MessageInfo(ctypes.Structure):
 
 @cache
 def rcl_take() -> Any:
-    """Load rcl_take_serialized_message; None if it cannot be loaded."""
-    try:
-        take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
-    except (OSError, AttributeError):
-        return None
+    """Load rcl_take_serialized_message."""
+    take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
     take.argtypes = c_void_p, POINTER(_Bytes), POINTER(_MessageInfo), c_void_p
     return take
 
@@ -285,7 +282,7 @@ class Taker:
     """An object that takes messages, each with the gid of its publisher, which rclpy hides."""
 
     def __init__(self, subscription: Any) -> None:
-        """Create the structs into which rcl writes; without them, rclpy must tell the gid."""
+        """Create the structs into which rcl writes; for an OwnNode, rclpy must tell the gid."""
         self._subscription = subscription
         is_of_rclpy = isinstance(subscription, Subscription)
         self._handle: Any = subscription.handle if is_of_rclpy else None

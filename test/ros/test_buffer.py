@@ -164,6 +164,13 @@ def test_a_bad_transform_changes_nothing(name):
     assert not buffer.frame_names()
 
 
+def test_logs_of_rclpy_take_lone_surrogates():
+    """The logger of rclpy cannot encode them, and would raise in the listener's thread."""
+    buffer = Buffer()
+    for _ in range(2):
+        assert not buffer.insert(1, 'map\udc80', 'map\udc80', (0.0,) * 6 + (1.0,))
+
+
 def test_a_subclass_may_look_up_in_its_own_way():
     """It may call the core methods, as with tf2_ros; futures do not use its lookup_transform."""
     class Patient(Buffer):

@@ -4,7 +4,6 @@ from math import inf
 import re
 
 from endings import end_in_every_order, without_library_lines
-from geometry_msgs.msg import PointStamped
 import pytest
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -15,7 +14,6 @@ from std_msgs.msg import String
 
 from puretf import (
     Buffer,
-    MessageFilter,
     StaticTransformBroadcaster,
     TransformBroadcaster,
     TransformListener,
@@ -126,19 +124,3 @@ def test_other_readers(ros):
     assert heard(since=inf) == ['base']  # it is latched
     sampler.close()
     assert own_nodes(ros.node) == []
-
-
-def test_a_filter(ros):
-    """It passes a message when the transform has arrived."""
-    passed: list[PointStamped] = []
-    buffer, message = Buffer(), PointStamped()
-    listener = TransformListener(buffer, ros.node)
-    message.header.frame_id = 'base'
-    filtered = MessageFilter(None, buffer, 'map', 1, ros.node)
-    filtered.registerCallback(passed.append)
-    filtered.add(message)
-    broadcaster = StaticTransformBroadcaster(ros.node)
-    broadcaster.sendTransform(stamped('map', 'base'))
-    ros.until(lambda: passed == [message])
-    filtered.unregister()
-    listener.unregister()

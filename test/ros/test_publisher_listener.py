@@ -1,6 +1,5 @@
 """The PublisherListener, over DDS: which node has published a transform."""
 
-import ctypes
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -20,9 +19,8 @@ from puretf import (
     TFMessage,
     TransformBroadcaster,
 )
-from puretf._ros import rclpy_private, topic_watch
+from puretf._ros import topic_watch
 from puretf._ros.subscription import SubscriptionSource
-from puretf._text.distribution import rclpy_version
 from puretf.publisher_listener import (
     node_of,
     PublisherListener,
@@ -169,24 +167,6 @@ def test_no_pause_where_the_time_of_reception_is_that_of_the_take(ros, handles, 
         publisher.publish(bytes_of(stamped('map', 'moving', stamp)))
         eventually(lambda: len(taken) == stamp)  # noqa: B023
     listener.unregister()
-
-
-def test_where_rcl_cannot_be_called_the_publisher_is_that_of_rclpy(ros, monkeypatch):
-    """With rclpy 7, it is not known; the listener receives the transforms all the same."""
-    monkeypatch.setattr(ctypes, 'PyDLL', lambda _: object())
-    rclpy_private.rcl_take.cache_clear()
-    listener = PublisherListener(Buffer(node=ros.node), ros.node)
-    try:
-        StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
-        eventually(listener.frames)
-        is_known = not rclpy_version().startswith('7.')
-        assert publisher_of(listener, 'a') == ('/test' if is_known else UNKNOWN)
-        (message,), dropped = listener.received()
-        assert (bool(message.publisher), message.is_static, dropped) == (is_known, True, 0)
-        assert 0 <= time.time_ns() - message.time < TIMEOUT * S
-    finally:
-        listener.unregister()
-        rclpy_private.rcl_take.cache_clear()
 
 
 @pytest.fixture
