@@ -108,9 +108,8 @@ class SubscriptionSource:
         """
         now = self._clock()
         count, self._count, since, self._last = self._count, 0, now - self._last, now
-        if count <= _LOW_RATE * since or self._depth <= 1:
-            return 0.0
-        if count > 0.75 * self._depth:  # messages may have been lost: the rate is not known
+        # With a queue that was nearly full, messages may have been lost: the rate is not known.
+        if count <= _LOW_RATE * since or count > 0.75 * self._depth:
             return 0.0
         return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
