@@ -742,7 +742,8 @@ def _listener_busy(observation: Observation) -> Iterator[_Fault]:
             late, 'late', 'greatest_delay')
         yield _Fault(f'{text}: ' + (
             f'nothing has arrived on any topic for {in_words(silence)}' if silence else
-            f'this program was up to {in_words(lateness)} late'), [*paused, *late],
+            f'this program was up to {in_words(lateness)} late'),
+            frames=map(_child_of, [*paused, *late]), topics=observation.topics[:1],
             time=paused[worst].begin if worst else 0, scope=[''])
     ended, often = observation.ended, [
         track for track in observation.tracks if track.stream.steps >= FEWEST]
