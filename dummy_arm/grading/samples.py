@@ -108,8 +108,8 @@ class Arm:
                 rows[name].append((message, row))
         self.samples = {name: Samples(found) for name, found in rows.items()}
         self.others = [shortened(name) for name in self.samples if name not in FRAMES]
-        #: The frames of the arm that are on /tf, in the order of the chain.
-        self.moving = {edge.name: samples for edge in SHEET
+        #: The frames of the arm that belong on /tf and are there, in the order of the chain.
+        self.moving = {edge.name: samples for edge in SHEET[1:]
                        if (samples := self.samples.get(edge.name)) and len(samples.times)}
         times = [samples.times[-1] for samples in self.samples.values() if len(samples.times)]
         self.end = max(times, default=0.0) if end is None else end / SECOND  # s

@@ -195,7 +195,10 @@ WRONG = {
         'only once': changed(stamp=lambda self, edge, now: BEGIN),
         'not the current': changed(stamp=lambda self, edge, now: now - 2 * S),
         'has no nanoseconds': changed(stamp=lambda self, edge, now: round(now, -9))},
-    'base_link is on /tf_static': {'use StaticTransformBroadcaster': changed(topics=('/tf',) * 5)},
+    'base_link is on /tf_static': {
+        'use StaticTransformBroadcaster': changed(topics=('/tf',) * 5),
+        'which sends on /tf_static': changed(
+            topics=('/tf',) * 5, stamp=lambda self, edge, now: now * (edge > 0))},
     'base_link is fixed': {
         '(0, 0, 0)': changed(positions=_at(0, (0.0, 0.0, 0.3))),
         'must not be rotated': changed(rotation=_edge(0, lambda _: (0.0, 0.0, 0.6, 0.8)))},

@@ -13,6 +13,7 @@ from dummy_arm.grading import requirements, samples
 from dummy_arm.grading.records import ArmMessage, ArmPublisher, Line, Verdict
 from dummy_arm.grading.sheet import FRAMES
 from dummy_arm.grading.sine import fit_sine
+from puretf.bag import NOT_RECORDED
 
 
 def received(arm, seconds=25.0):
@@ -217,6 +218,23 @@ def test_a_broadcaster_for_each_frame():
     messages = [message for message in messages if message.publisher != 'joint_2']
     assert failures(check(messages, publishers=publishers))[0].text == (
         'No transform of joint_2 was received.')
+
+
+def test_the_same_stamp_is_advised_where_one_node_sends_all():
+    """Not where each joint has its node, or nobody knows; and wrong stamps come first."""
+    def verdict(arm, *nodes, gid=str):
+        messages = [message._replace(publisher=gid(message.rows[0].child_frame_id))
+                    for message in received(arm)]
+        publishers = [ArmPublisher(frame, node, False, 7) for frame, node in zip(FRAMES, nodes)]
+        return line_of(check(messages, publishers=publishers), 'all frames have the same').verdict
+
+    arm = RIGHT['a message for each frame']
+    assert verdict(arm, *['/arm'] * 6) == Verdict.ADVICE
+    assert verdict(arm, *FRAMES) == Verdict.NOT_JUDGED
+    assert verdict(arm, gid=lambda _: NOT_RECORDED) == Verdict.NOT_JUDGED
+    unset = WRONG['the stamps']['The stamp of joint_3 is not set']
+    assert verdict(unset, *['/arm'] * 6) == Verdict.NOT_JUDGED
+    assert verdict(WRONG['base_link is on /tf_static']['which sends on /tf_static']) == Verdict.OK
 
 
 def test_nothing_on_tf_but_static_joints():
