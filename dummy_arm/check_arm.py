@@ -145,7 +145,7 @@ def _write_hand_in(directory: Path, report: Report, observer: Observer) -> None:
     for name, content in contents.items():
         try:
             _write(directory / name, content())
-        except (DrawingError, TransformException, IndexError) as error:
+        except (DrawingError, TransformException) as error:
             _warn(f'cannot write {directory / name}: {error}')
 
 

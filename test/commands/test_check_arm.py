@@ -1,9 +1,7 @@
 """The command check_arm where there is ROS: the arm that is running, no arm, the table."""
 
 from importlib.util import find_spec
-from math import hypot
 import re
-from xml.etree import ElementTree
 
 from cli_runner import call
 from geometry_msgs.msg import TransformStamped
@@ -14,7 +12,6 @@ from ros_node import eventually, stamped
 from dummy_arm import check_arm
 from dummy_arm.check_arm import main
 from dummy_arm.grading.drawing import judge
-from dummy_arm.grading.sheet import FRAMES
 from puretf import StaticTransformBroadcaster
 from puretf._causes import domains
 from puretf._causes.domains import ros_domains
@@ -40,13 +37,6 @@ def test_the_arm_that_is_running(start, domain_id, tmp_path):
     assert (tmp_path / 'in' / 'report.txt').read_text() == result.stdout
     if find_spec('pypdf'):
         assert judge(tmp_path / 'in' / 'frames.pdf').verdict == 'ok'
-    svg = ElementTree.parse(tmp_path / 'in' / 'arm.svg')
-    assert [each.text for each in svg.iterfind('{*}text')] == [*FRAMES[2:]]
-    path, arm = ([hypot(*map(float, point.split(','))) for point in line.get('points', '').split()]
-                 for line in svg.iterfind('{*}polyline'))
-    assert 0.75 < min(path) < 0.8  # the arm bends
-    assert max(path) < 0.901  # its links are 0.9 m long
-    assert arm[-1] == path[-1]
 
 
 def test_no_arm(domain_id, arm_domain, monkeypatch):

@@ -1,5 +1,6 @@
 """The command check_arm where there is no ROS: bags, drawings, wrong use."""
 
+from contextlib import suppress
 from importlib.util import MAGIC_NUMBER
 from itertools import pairwise
 import os
@@ -8,17 +9,21 @@ import re
 import subprocess
 import sys
 from typing import Any
+from xml.etree import ElementTree
 
-from arms import Arm, WRONG
+from arms import Arm, changed, hand, WRONG
 from environment import code_without, on_linux
 from hand_ins import read_table
+import numpy as np
 from processes import tool_without_ros
 import pytest
 
 from dummy_arm.check_arm import main
 from dummy_arm.grading import grade
+from dummy_arm.grading.picture import picture
 from dummy_arm.grading.records import Grade, Verdict
 from dummy_arm.grading.sheet import FRAMES
+from puretf import TransformBuffer, TransformException
 
 
 def test_a_bag(tmp_path, capsys):
@@ -67,6 +72,45 @@ def test_a_bag_without_times_or_with_damage(tmp_path, capsys):
     output = capsys.readouterr().out
     assert 'The bag has no times.' in output
     assert output.endswith('not passed: 22 ok, 2 not judged\n')
+
+
+def buffer_of(arm):
+    """Return a buffer with the transforms of an arm that tf2 accepts."""
+    buffer = TransformBuffer(None)
+    for topic, _, rows in arm.messages():
+        for row in rows:
+            with suppress(ValueError):
+                buffer.insert(row.stamp_ns, row.frame_id, row.child_frame_id, row.pose,
+                              is_static=topic == '/tf_static')
+    return buffer
+
+
+def test_the_picture():
+    """It has the path of the hand, the limits of the joints, and a grid with its coordinates."""
+    buffer = buffer_of(Arm())
+    svg = ElementTree.fromstring(picture(buffer))
+    path, arm = (np.array([point.split(',') for point in line.get('points', '').split()], float)
+                 for line in svg.iterfind('{*}polyline'))
+    ends = hand(buffer.path_stamps('map', 'end_effector'))[:, :2] * [1, -1]
+    np.testing.assert_allclose(path, ends, atol=1e-3)
+    assert arm[-1].tolist() == path[-1].tolist()
+    texts = [(each.text or '', float(each.get('x', '')), float(each.get('y', '')))
+             for each in svg.iterfind('{*}text')]
+    assert [text for text, _, _ in texts if not text.endswith(' m')] == [
+        'joint_1 ±45°', 'joint_2 ±30°', 'joint_3 ±60°', 'end_effector']
+    grid = [(float(text[:-2]), x, -y) for text, x, y in texts if text.endswith(' m')]
+    assert all(value in (x, y) for value, x, y in grid)
+    assert {value > 0.0 for value, _, _ in grid} == {True, False}
+
+
+@pytest.mark.parametrize('arm', [
+    *WRONG['the tree'].values(), *WRONG['base_link is on /tf_static'].values(),
+    changed(topics=('/tf_static',) * 5), changed(positions=((0.0, 0.0, 0.0),) * 5),
+    changed(positions=(*Arm.positions[:4], (float('inf'), 0.0, 0.0)))])
+def test_a_picture_of_any_arm(arm):
+    """It is drawn, or an error of TF says why it is not."""
+    with suppress(TransformException):
+        assert 'nan' not in picture(buffer_of(arm))
 
 
 EDGE = ('"{}" -> "{}"[label=" Broadcaster: default_authority\\nAverage rate: 50.2\\nBuffer '
