@@ -15,7 +15,7 @@ from dummy_arm.grading.records import DOMAINS, Grade, Messages, Report, START, V
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.samples import Arm
 from puretf import TransformException
-from puretf._text.names import visible
+from puretf._text.names import comma_list, visible
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
@@ -176,7 +176,9 @@ def format_report(report: Report) -> list[str]:
     counts = Counter(row.verdict for row in report.lines)
     counted = ', '.join(f'{counts[verdict]} {verdict}' for verdict in (
         Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED) if counts[verdict])
-    return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}']
+    left = comma_list([row.requirement for row in report.lines if not row.is_judged])
+    return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}'
+                        f'{f" ({left})" if left else ""}']
 
 
 def command(files: Sequence[str] = (), seconds: Optional[float] = None,
