@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 from math import degrees, pi, radians
+import re
 from typing import Optional
 
 import numpy as np
@@ -113,19 +114,16 @@ def fault_of_edge(arm: Arm, edge: SheetFrame) -> Optional[Fault]:
     parents = comma_list([*samples.parents], shortened)
     if len(samples.parents) > 1:
         cause = f'{name} has several parents; only {edge.parent} is right.'
-    elif parents not in FRAMES and _nearest(edge.parent, samples.parents):
-        cause = f'{parents!r} is misspelt: the name is {edge.parent}.'
     else:
-        cause = f'The parent of {name} must be {edge.parent}, not {parents}.'
+        cause = misspelling(edge.parent, samples.parents) or (
+            f'The parent of {name} must be {edge.parent}, not {parents}.')
     return f'{parents} → {name}', _star(arm, samples) or cause
 
 
 def _fault_of_missing(arm: Arm, edge: SheetFrame) -> Fault:
-    if near := _nearest(edge.name, [name for name in arm.samples if name not in FRAMES]):
-        misspelt = repr(shortened(near))
-        return misspelt, f'{misspelt} is misspelt: the name is {edge.name}.'
     received = f'No transform of {edge.name} was received'
-    if not (cause := recreation(arm) or (static_joints(arm) if edge is not BASE else '')):
+    if not (cause := misspelling(edge.name, [*arm.samples]) or recreation(arm)
+            or (static_joints(arm) if edge is not BASE else '')):
         if all(each.is_static.all() for each in arm.samples.values()):
             cause = (f'{received}: nothing arrives on /tf. Is the timer created, with its period '
                      'in seconds, and does rclpy.spin run?')
@@ -163,13 +161,13 @@ def _two_programs(arm: Arm, name: str) -> str:
             f'old one still runs: end it (kill {" ".join(map(str, old))}).')
 
 
-def _nearest(name: str, others: Sequence[str]) -> str:
-    """Return the name that is probably a misspelling of a frame's name; '' if there is none."""
+def misspelling(name: str, others: Sequence[str]) -> str:
+    """Say which of other names is probably meant to be a frame's name; '' if none is."""
     # The names of the joints differ in one digit only, so a similar name must have the same digit.
-    digits = [character for character in name if character.isdigit()]
-    candidates = [other for other in others
-                  if [character for character in other if character.isdigit()] == digits]
-    return next(iter(near_names(name, candidates, 0.75)), '')
+    candidates = [other for other in others if other not in FRAMES
+                  and re.findall(r'\d', other) == re.findall(r'\d', name)]
+    near = near_names(name, candidates, 0.75)
+    return f'{shortened(near[0])!r} is misspelt: the name is {name}.' if near else ''
 
 
 def fault_of_stamps(name: str, samples: Samples) -> Optional[Fault]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 from unicodedata import normalize
 
+from dummy_arm.grading.causes import misspelling
 from dummy_arm.grading.records import Grade, Verdict
 from dummy_arm.grading.sheet import FRAMES
 from puretf._text.names import comma_list, quoted
@@ -51,6 +52,8 @@ def _fault(path: Path) -> str:
         return 'It is not a PDF with text that can be read.'
     missing = [name for name in FRAMES if name not in names]
     others = [name for name in names if name not in FRAMES]
+    if spellings := [text for name in missing if (text := misspelling(name, others))]:
+        return ' '.join(spellings)
     if missing or others:
         return ' '.join(f'{label}: {comma_list(found, quoted)}.' for label, found in (
             ('Missing', missing), ('Other frames', others)) if found)

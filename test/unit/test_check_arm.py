@@ -131,6 +131,8 @@ def as_tf2_writes_it(edges):
 @pytest.mark.parametrize(('edges', 'fault'), [
     (CHAIN, ''), (CHAIN[:4], "Missing: 'end_effector'."),
     ([*CHAIN, ('map', 'moving_frame')], "Other frames: 'moving_frame'."),
+    ([*CHAIN[:3], ('joint_2', 'jiont_3'), ('jiont_3', 'end_effector')],
+     "'jiont_3' is misspelt: the name is joint_3."),
     ([*CHAIN[:4], ('map', 'hand')], "Missing: 'end_effector'. Other frames: 'hand'."),
     ([(FRAMES[min(i, 1)], child) for i, (_, child) in enumerate(CHAIN)],
      'joint_2 is not below joint_1')])
