@@ -218,17 +218,20 @@ def is_near(position: Vector, expected: ArrayLike) -> bool:
     return bool(np.linalg.norm(np.subtract(position, expected)) <= POSITION_TOLERANCE)
 
 
-def of_excess(joint: SheetFrame, largest: float) -> str:
+def of_excess(arm: Arm, joint: SheetFrame) -> str:
     """Return why the largest angle of a joint exceeds its limit."""
-    excess = f'The limit is exceeded by {in_degrees(largest - joint.limit)}'
-    others = [other.name for other in JOINTS if other is not joint
-              and abs(largest - other.limit) < radians(0.5)]
-    if abs(largest / joint.limit - 2) < 0.04:
+    largest = {each: arm.samples[each.name].largest_angle
+               for each in JOINTS if each.name in arm.samples}
+    excess = f'The limit is exceeded by {in_degrees(largest[joint] - joint.limit)}'
+    doubled = [each for each in largest if abs(largest[each] / each.limit - 2) < 0.04]
+    others = [other.name for other in JOINTS if other is not joint and len(doubled) < 2
+              and abs(largest[joint] - other.limit) < radians(0.5)]
+    if joint in doubled:
         return (f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}' +
                 ''.join(f' Or is it the limit of {other}?' for other in others))
     if others:
         return f'{excess}: this is the limit of {others[0]}.'
-    if largest - joint.limit < radians(1.0):
+    if largest[joint] - joint.limit < radians(1.0):
         return f'{excess}: is the limit rounded, or does the last step go beyond it?'
     return (f'{excess}. The amplitude of the sine, plus an offset if there is one, must be at '
             f'most {degrees(joint.limit):.0f}°.')

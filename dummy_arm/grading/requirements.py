@@ -207,7 +207,7 @@ def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
 
 def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     angles = arm.samples[joint.name].angles
-    largest = float(abs(angles).max())
+    largest = arm.samples[joint.name].largest_angle
     measured = f'{in_degrees(float(angles.min()))} to {in_degrees(float(angles.max()))}'
     if largest <= joint.limit + _LIMIT_TOLERANCE:
         return Line(measured)
@@ -215,7 +215,7 @@ def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
         return Line(
             measured, 'The joint turns all the way round: the angle is in degrees where radians '
             'are needed, or it has no sine. Write radians(limit) * sin(speed * t).', [joint.name])
-    return Line(measured, causes.of_excess(joint, largest))
+    return Line(measured, causes.of_excess(arm, joint))
 
 
 def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Line:
@@ -343,7 +343,7 @@ def _same_stamp(arm: Arm, _: SheetFrame, needed: Mapping[str, Line]) -> Line:
 
 
 def _use_of_limits(arm: Arm, _: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    used = {joint.name: float(abs(arm.samples[joint.name].angles).max()) / joint.limit
+    used = {joint.name: arm.samples[joint.name].largest_angle / joint.limit
             for joint in JOINTS if not _why_not(joint.name, needed)}
     name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
     return Line(', '.join(f'{100 * each:.0f} %' for each in used.values()),

@@ -59,8 +59,12 @@ class Samples:
     @cached_property
     def angles(self) -> Floats:
         """(n,): the angles about z (rad), from -pi to pi."""
-        angles = 2 * np.arctan2(self.rotations[:, 2], self.rotations[:, 3])
+        angles = 2 * np.arctan2(self.poses[:, 5], self.poses[:, 6])
         return np.asarray((angles + pi) % (2 * pi) - pi)
+
+    @property
+    def largest_angle(self) -> float:
+        return float(abs(self.angles).max())
 
     @property
     def has_wrong_order(self) -> bool:

@@ -237,6 +237,13 @@ def test_the_same_stamp_is_advised_where_one_node_sends_all():
     assert verdict(WRONG['base_link is on /tf_static']['which sends on /tf_static']) == Verdict.OK
 
 
+def test_doubled_angles():
+    """If all are doubled, it is the half angle, though one is also at the limit of another."""
+    report = check(received(WRONG['joint_1 stays']['half angle']))
+    assert {line.text.partition('. ')[2] for line in failures(report)} == {
+        'In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).'}
+
+
 def test_nothing_on_tf_but_static_joints():
     """The static joints are the cause, also if the tree is not complete."""
     report = check(received(changed(topics=(*('/tf_static',) * 4, ''))))
