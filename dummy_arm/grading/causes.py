@@ -125,8 +125,7 @@ def _fault_of_missing(arm: Arm, edge: SheetFrame) -> Fault:
     if not (cause := misspelling(edge.name, [*arm.samples]) or recreation(arm)
             or (static_joints(arm) if edge is not BASE else '')):
         if all(each.is_static.all() for each in arm.samples.values()):
-            cause = (f'{received}: nothing arrives on /tf. Is the timer created, with its period '
-                     'in seconds, and does rclpy.spin run?')
+            cause = f'{received}: nothing arrives on /tf. {of_nothing(arm)}'
         elif arm.repeated:
             cause = (f'{shortened(arm.repeated)} is in one message more than once: create a new '
                      'TransformStamped for each frame.')
@@ -139,6 +138,13 @@ def _fault_of_missing(arm: Arm, edge: SheetFrame) -> Fault:
         else:
             cause = f'{received}.'
     return f'no {edge.name}', cause
+
+
+def of_nothing(arm: Arm) -> str:
+    """Return why a program may send nothing."""
+    return (f'The program is in line {arm.line}: is there a loop or a wait without end?'
+            if arm.line else
+            'Is the timer created, with its period in seconds, and does rclpy.spin run?')
 
 
 def _star(arm: Arm, samples: Samples) -> str:

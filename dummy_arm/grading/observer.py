@@ -55,13 +55,8 @@ class Observer:
         finally:
             listener.unregister()
 
-    def lifecycle_nodes(self) -> list[str]:
-        """Return the full names of the lifecycle nodes in the ROS graph."""
-        return [name.removesuffix('/get_state')
-                for name, types in self._node.get_service_names_and_types()
-                if 'lifecycle_msgs/srv/GetState' in types]
-
-    def report(self, int_line: int = 0, tick: Callable[[], object] = lambda: None) -> Report:
+    def report(self, int_line: int = 0, line: int = 0,
+               tick: Callable[[], object] = lambda: None) -> Report:
         """Judge the messages; before that, start a late listener, and call `tick` meanwhile."""
         from dummy_arm.grading.requirements import check
         from dummy_arm.grading.samples import Arm
@@ -71,7 +66,7 @@ class Observer:
                        for message in self.messages if message.is_static for row in message.rows)
         reaches = has_base and self._reaches_late_joiners(tick)
         oldest_first = sorted(self.publishers.values(), key=lambda each: each.pid)
-        return check(Arm(self.messages, reaches, end, oldest_first, int_line))
+        return check(Arm(self.messages, reaches, end, oldest_first, int_line, line))
 
 
 def _pid(gid: str) -> int:

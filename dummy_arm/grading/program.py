@@ -15,8 +15,9 @@ import time
 import tokenize
 from zipfile import is_zipfile
 
-from puretf._text.names import abbreviated, visible
+from puretf._text.names import abbreviated, comma_list, quoted, visible
 from puretf_tools.cli.parser import CommandError
+from puretf_tools.cli.signals import wait_until
 
 #: How long to wait until a program has ended after SIGINT (s).
 _GRACE = 3.0
@@ -30,7 +31,7 @@ _MOST_DATA, _MOST_COPIED = 2**32, 1000
 #: program, if another one sends it to all, as by `pkill python`. But it ends a fork; what it
 #: starts by `subprocess` inherits the block, so terminate() sends SIGKILL.
 _RUN = f"""
-import os, resource, runpy, signal, subprocess, sys
+import faulthandler, os, resource, runpy, signal, subprocess, sys
 for kind, most in ((resource.RLIMIT_FSIZE, {_LONGEST_FILE}), (resource.RLIMIT_CORE, 0),
                    (resource.RLIMIT_DATA, {_MOST_DATA})):
     limits = [each for each in resource.getrlimit(kind) if each >= 0]
@@ -39,14 +40,17 @@ signal.pthread_sigmask(signal.SIG_SETMASK, [signal.SIGTERM])
 os.register_at_fork(after_in_child=lambda: signal.pthread_sigmask(signal.SIG_SETMASK, []))
 subprocess.Popen.terminate = subprocess.Popen.kill
 sys.modules['dummy_arm.dummy_arm'] = sys.modules['dummy_arm.arm'] = None
+faulthandler.register(signal.SIGUSR1)  # for `Program.line`
 path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
 sys.path.insert(0, os.path.dirname(path))
 runpy.run_path(path, run_name='__main__')"""
-#: Why a callback is None, and why a module cannot be imported.
+#: Why a callback is None, and why input() fails.
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
-_NOT_ITS_OWN = ': the arm must be its own'
+_INPUT = ': nobody types what input() reads; leave it out'
+#: How the launch files of ROS begin, as XML, YAML and Python.
+_LAUNCH = re.compile(r'^\s*<launch\b|^launch:|^def generate_launch_description\(', re.MULTILINE)
 _TRACEBACK = 'Traceback (most recent call last):'
 #: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
 _PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
@@ -68,6 +72,9 @@ def program_in(path: Path) -> Path:
     for place in _PLACES:
         if os.path.isfile(program := path / place / 'dummy_arm.py'):
             return program
+    with suppress(OSError):
+        if names := sorted(os.listdir(path)):
+            raise ProgramError(f'no dummy_arm.py in {path}, but {comma_list(names, quoted)}')
     raise ProgramError(f'no dummy_arm.py in {path}')
 
 
@@ -91,6 +98,8 @@ def _source(path: Path) -> str:
 
 
 def _parsed(source: str, path: Path) -> ast.Module:
+    if _LAUNCH.search(source) and 'rclpy' not in source:
+        raise ProgramError('It is a launch file, which starts programs: hand in the program.')
     try:
         tree = ast.parse(source, str(path))
         compile(tree, str(path), 'exec')
@@ -165,12 +174,14 @@ class Program:
             return
         text = output.decode(errors='replace')
         error = _error_of(text, self._name)
+        if copied := re.search(r'import of (\S+) halted; None in sys\.modules(.*)', error):
+            raise ProgramError('The arm must be its own: it imports '
+                               f'{copied[1]} of this package{copied[2]}.')
         if error:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
-            is_copied = 'halted; None in sys.modules' in error
-            hides = '' if is_copied else _hidden_module(error, self._folder, self._original)
-            raise ProgramError(
-                f'It fails: {error}{_CALLED * is_called}{_NOT_ITS_OWN * is_copied}{hides}')
+            is_input = 'EOFError: EOF when reading a line' in error
+            hides = _hidden_module(error, self._folder, self._original)
+            raise ProgramError(f'It fails: {error}{_CALLED * is_called}{_INPUT * is_input}{hides}')
         if code is not None:
             seconds = time.monotonic() - self._start
             cause = ': does it call rclpy.spin?' if code == 0 else ''
@@ -178,6 +189,21 @@ class Program:
             more = f'; its last line: {abbreviated(visible(last[0]))}' if last else ''
             raise ProgramError(f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}'
                                f'{cause}{more}{"" if cause or more else "."}')
+
+    def line(self) -> int:
+        """Return the line of the program that is running; 0 if it is spinning, or unknown."""
+        begin = os.fstat(self._output).st_size
+        self._process.send_signal(signal.SIGUSR1)
+
+        def stack() -> str:
+            return os.pread(self._output, _LONGEST_OUTPUT, begin).decode(errors='replace')
+
+        # The main thread is the last one, its innermost call is the first, and its outermost calls
+        # are in `_RUN`.
+        wait_until(_GRACE, lambda: '"<string>"' in stack())
+        calls = stack().rpartition('hread 0x')[2].partition('/executors.py"')[0]
+        found = re.search(rf'/{re.escape(self._name)}", line (\d+)', calls)
+        return int(found[1]) if found else 0
 
     def end(self) -> None:
         """End the program by SIGINT, with which it can leave the ROS graph, if it does so soon."""

@@ -92,7 +92,8 @@ def _validity(arm: Arm, *_: Any) -> Line:
     """Judge the numbers: tf2 ignores transforms with NaN, and with a quaternion of norm 0."""
     if not arm.samples:
         return Line('no transform', causes.recreation(arm) or (
-            'Nothing was received on /tf and /tf_static.'), ['', *FRAMES])
+            f'Nothing was received on /tf and /tf_static. {causes.of_nothing(arm)}'),
+                    ['', *FRAMES])
     faults = {name: fault for name in FRAMES[1:] if name in arm.samples if (
         fault := causes.fault_of_numbers(name, arm.samples[name].poses))}
     return _first(faults, f'{sum(len(each.poses) for each in arm.samples.values())} transforms')

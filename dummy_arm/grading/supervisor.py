@@ -19,7 +19,6 @@ from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
 from puretf._causes.domains import ros_domains
-from puretf._text.names import comma_list
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 
@@ -96,25 +95,22 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
     try:
         if wait_until(START, lambda: watch() or observer.poll()):
             wait_until(seconds, lambda: watch() or (observer.poll() and False))
-        report = observer.report(program.int_line, watch)
+            line = 0
+        else:
+            line = program.line()
+        report = observer.report(program.int_line, line, watch)
         program.check()
         fault = '' if report.passed else observer.listener.wrong_type_hint()
         if not observer.publishers:
             fault = _other_domain(domain) or fault
-        nodes = observer.lifecycle_nodes()
         fault = _arm_of_package(observer) or fault
     finally:
         program.end()
-    if not fault and not observer.messages:
-        has = ' It has a broadcaster, but sends nothing with it.' * bool(observer.publishers)
-        fault = f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} ' + (
-            f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?' if nodes
-            else 'Is the timer created, with its period in seconds, and does rclpy.spin run?')
     if fault:
         report = report._replace(passed=False)
-    line = report.first_failure
+    first = report.first_failure
     return Grade(file, report, fault or report.reason, Verdict.NOT_OK if fault else
-                 line.verdict if line else Verdict.OK)
+                 first.verdict if first else Verdict.OK)
 
 
 def _arm_of_package(observer: Observer) -> str:

@@ -114,19 +114,18 @@ MISTAKES = {
     'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
                                 'not ok', r'domain\D*\b101\b'),
 
-    'lifecycle.py': HandIn(limited("""
-        import rclpy
-        from rclpy.lifecycle import Node
-
-        rclpy.init()
-        rclpy.spin(Node('arm'))
-        """), 'not ok', '/arm is a lifecycle node: is it configured and activated'),
-
     # No program, or an error
     'missing.py': HandIn(None, 'not ok', r'No such file|no dummy_arm\.py'),
     'crash.py': HandIn(program(
         ('        now = self', '        self.no_method()\n        now = self')), 'not ok',
         r"AttributeError: 'DummyArm' object has no attribute 'no_method' \(line 50\)")}
+
+NEW = '\n'
+SLEEPS = limited("""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    time.sleep(90)
+    """)
 
 #: By file.
 CHAOS = {
@@ -145,12 +144,12 @@ CHAOS = {
                           'not ok', 'ended by itself .* with exit code 3'),
     'input.py': HandIn(limited("""
         name = input('Your name? ')
-        """) + program(), 'not ok', r'EOFError: EOF when reading a line \(line \d+\)'),
-    'sleeps.py': HandIn(limited("""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        time.sleep(90)
-        """), 'not ok', r'does rclpy\.spin run\?'),
+        """) + program(), 'not ok', r'\(line \d+\): nobody types what input\(\) reads'),
+    'sleeps.py': HandIn(SLEEPS, 'not ok',
+                        rf'Nothing was received .* in line {SLEEPS.count(NEW)}: is there a loop'),
+    'loops.py': HandIn(limited('') + program((
+        '        now = self.get_clock().now()\n', '        while True:\n            pass\n')),
+        'not ok', r'nothing arrives on /tf\. The program is in line \d+: is there a loop'),
 
     # Survivors
     'survivors.py': HandIn(limited("""
@@ -206,7 +205,7 @@ CHAOS = {
          '        while True:\n            self.broadcaster.sendTransform(1000 * ['),
         ('            self.transform(now, parent', '                self.transform(now, parent')),
         'not ok|not judged',  # a busy computer is too slow to receive them in time
-        'More transforms arrive|more than once|has not been sent|publishes nothing|said nothing'),
+        'More transforms arrive|more than once|has not been sent|Nothing was|said nothing'),
     # What it changes is a copy
     'deletes_its_folder.py': HandIn(limited("""
         import shutil
@@ -219,7 +218,7 @@ CHAOS = {
 
     # The arm of this package
     'imports_package.py': HandIn('from dummy_arm.dummy_arm import main\nmain()\n', 'not ok',
-                                 r'dummy_arm\.dummy_arm .*: the arm must be its own'),
+                                 r'^The arm must be its own: it imports dummy_arm\.dummy_arm of'),
     'starts_package.py': HandIn(limited("""
         code = 'from dummy_arm.entry_points import dummy_arm; dummy_arm()'
         subprocess.run([sys.executable, '-c', code], cwd='/')

@@ -183,6 +183,7 @@ def test_without_psutil(failed, monkeypatch):
 
 NO_TEXT = ('It is not text in UTF-8, but perhaps a PDF, an archive or a compiled program: hand in '
            'the ')
+LAUNCH = 'It is a launch file, which starts programs: hand in the program.'
 ZIP = b'PK\5\6' + bytes(18)  # an empty archive
 UMLAUT = '# größer\n'
 #: By name: the bytes of a hand-in, and the reason why it is not run.
@@ -197,7 +198,10 @@ REFUSED: dict[str, tuple[Any, str]] = {
     'long.py': (b'#' * 1_000_001, 'It has more than 1 MB.'),
     'path.py': (b'path = "C:\\Users"\n', 'It does not compile: line 1: (unicode error)'),
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
+    'arm.launch.xml': (b'<?xml version="1.0"?>\n<launch>\n</launch>\n', LAUNCH),
+    'arm.launch.py': (b'import launch\ndef generate_launch_description():\n    pass\n', LAUNCH),
     'empty': ('folder', 'no dummy_arm.py in empty'),
+    'flat': ('folder', "no dummy_arm.py in flat, but 'arm.py'"),
     'folder': ('folder', 'It is a zip archive, or a document')}
 
 
@@ -210,6 +214,7 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
             Path(name).mkdir()
         else:
             Path(name).write_bytes(content)
+    Path('flat', 'arm.py').touch()
     package = Path('folder', 'src', 'dummy_arm', 'dummy_arm')
     package.mkdir(parents=True)
     (package / 'dummy_arm.py').write_bytes(ZIP)
