@@ -73,7 +73,8 @@ def _warn(text: object) -> None:
 def _row(grade: Grade) -> dict[str, str]:
     lines = (*grade.report.lines, *grade.report.advice) if grade.report else ()
     return {'file': _cell(visible(grade.file)), 'verdict': grade.verdict,
-            'reason': _cell(grade.reason), **{line.requirement: line.verdict for line in lines}}
+            'reason': _cell(grade.reason), 'frames.pdf': grade.drawing,
+            **{line.requirement: line.verdict for line in lines}}
 
 
 def _cell(text: str) -> str:
@@ -99,7 +100,7 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
     if result.report:
         lines += ['', *format_report(result.report)]
     if result.drawing:
-        lines += ['', result.drawing]
+        lines += ['', f'frames.pdf: {result.drawing}']
     _write(path, '\n'.join([*lines, '']))
 
 

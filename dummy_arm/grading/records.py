@@ -80,10 +80,12 @@ class Report(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """The first failure, and the number of the others; '' if the arm passed."""
+        """The first failure, and the number of the others; the advice if the arm passed."""
         line = self.first_failure
         if line is None:
-            return ''
+            advice = [f'{each.requirement} ({each.measured})' for each in self.advice
+                      if each.verdict == Verdict.ADVICE]
+            return f'advice: {"; ".join(advice)}' if advice else ''
         count = sum(each.verdict == Verdict.NOT_OK for each in self.lines)
         measured = f' ({line.measured})' if line.measured else ''
         return (f'{line.requirement}{measured}. {line.text}'
@@ -95,15 +97,15 @@ class Grade(NamedTuple):
 
     file: str
     report: Optional[Report]  #: None if the program could not be judged
-    reason: str  #: why it did not pass; '' if it passed
+    reason: str  #: why it did not pass; if it passed, the good practice that is not followed
     verdict: str  #: OK, NOT_OK, NOT_JUDGED or NOT_RUN
     drawing: str = ''  #: the result for the frames.pdf beside it; '' if there is none
 
     @property
+    def result(self) -> str:
+        separator = '; ' if self.verdict == Verdict.OK else ': '
+        return f'{self.verdict}{self.reason and separator + self.reason}'
+
+    @property
     def line(self) -> str:
-        """The grade in one line, with the good practice that is not followed."""
-        advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
-                  if line.verdict == Verdict.ADVICE] if self.report else []
-        more = f': {self.reason}' if self.reason else (
-            f'; advice: {"; ".join(advice)}' if advice else '')
-        return f'{visible(self.file)}: {self.verdict}{more}'
+        return f'{visible(self.file)}: {self.result}'

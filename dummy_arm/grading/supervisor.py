@@ -56,7 +56,7 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
                           Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
         with suppress(OSError):  # the command has ended
             connection.send(grade._replace(drawing=next((
-                drawing.judge(each).line for folder in (Path(file), path.parent)
+                drawing.judge(each).result for folder in (Path(file), path.parent)
                 if os.path.exists(each := folder / 'frames.pdf')), '')))
         processes.end_descendants()
     os._exit(0)  # without a shutdown of ROS, which can hang: the program may be killed

@@ -223,12 +223,15 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     for name, (_, reason) in REFUSED.items():
         (line,) = [line for line in lines if line.startswith(f'{name}: not ok: {reason}')]
-        drawing = r'\n\nfolder/frames.pdf: not (ok|judged): .+' if name == 'folder' else ''
+        drawing = r'\n\nframes.pdf: not (ok|judged): .+' if name == 'folder' else ''
         assert re.fullmatch(re.escape(line) + drawing + '\n',
                             (tmp_path / 'feedback' / f'{name}.txt').read_text())
-    assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
-    assert [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))] == [
+    assert Path('grades.csv').read_bytes().startswith(
+        b'\xef\xbb\xbf"file","verdict","reason","frames.pdf",')
+    rows = read_table(Path('grades.csv'))
+    assert [(row['file'], row['verdict']) for row in rows] == [
         ("'=1+2" if name == '=1+2' else name, 'not ok') for name in REFUSED]
+    assert [row['file'] for row in rows if row['frames.pdf'].startswith('not ')] == ['folder']
 
 
 @on_linux
