@@ -22,7 +22,8 @@ _BLEND = 1.0
 
 def _smoothstep(time: float) -> float:
     """Return the progress of a transition, from 0 to 1, at a time (s) after its begin."""
-    progress = min(max(time / _BLEND, 0.0), 1.0)
+    # A time before its begin is that of a clock that was set back: the transition is over.
+    progress = min(time / _BLEND, 1.0) if time >= 0.0 else 1.0
     return progress * progress * (3.0 - 2.0 * progress)
 
 
@@ -51,8 +52,9 @@ class Wave:
     that begins at the time `limit_changed` (s), the limit changes smoothly from `limit_before` to
     `limit` (rad).
 
-    Before the time `released` (s), the joint is held at the angle `held_at` (rad), or at the limit
-    if this is nearer to 0. In the second that begins then, the joint returns smoothly to the wave.
+    If the time `released` (s) is infinite, the joint is held at the angle `held_at` (rad), or at
+    the limit if this is nearer to 0. In the second that begins at `released`, the joint returns
+    smoothly to the wave.
     """
 
     speed: float
@@ -77,7 +79,7 @@ class Wave:
     def angle(self, t: float) -> float:
         limit = self.limit_at(t)
         held_at = min(max(self.held_at, -limit), limit)
-        smooth = _smoothstep(t - self.released)
+        smooth = 0.0 if self.is_held else _smoothstep(t - self.released)
         return (1.0 - smooth) * held_at + smooth * limit * math.sin(self.phase(t))
 
     def with_speed(self, speed: float, t: float) -> 'Wave':
@@ -95,8 +97,3 @@ class Wave:
     def with_release(self, t: float) -> 'Wave':
         """Return this wave with the joint, if it is held, released at the time t."""
         return replace(self, released=t) if self.is_held else self
-
-    def settled(self) -> 'Wave':
-        """Return this wave without transitions: they are over at every time."""
-        return replace(self, limit_changed=-math.inf,
-                       released=math.inf if self.is_held else -math.inf)

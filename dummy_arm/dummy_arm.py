@@ -102,7 +102,6 @@ class DummyArm(Node):
             self._value(f'{joint.name}.speed'), self._value(f'{joint.name}.limit'))
             for joint in JOINTS}
         self._start_ns: Optional[int] = None
-        self._t = 0.0
 
         root, *frames = FRAMES
         frames = [self._value(PREFIX) + frame for frame in frames]
@@ -212,11 +211,6 @@ class DummyArm(Node):
                 f'publishing {", ".join(self._published)} at {self._value("rate"):g} Hz; '
                 f't = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        # `angle(t)` uses the limit that the wave had at the time t. If the clock was set back,
-        # only the present limit counts.
-        if t < self._t:
-            self._waves = {name: wave.settled() for name, wave in self._waves.items()}
-        self._t = t
         angles = [wave.angle(t) for wave in self._waves.values()]
         if self._transforms:
             offsets = [self._value(f'{joint.name}.offset') for joint in JOINTS]
