@@ -28,10 +28,6 @@ class DynamicFramePublisher(Node):
         message.child_frame_id = 'moving_frame'
         message.transform.translation.x = cos(self.angle)
         message.transform.translation.y = sin(self.angle)
-        message.transform.translation.z = 0.0
-        message.transform.rotation.x = 0.0
-        message.transform.rotation.y = 0.0
-        message.transform.rotation.z = 0.0
         message.transform.rotation.w = 1.0
         self.broadcaster.sendTransform(message)
         self.angle += 0.1

@@ -29,7 +29,6 @@ class DynamicFramePublisher(Node):
         message.child_frame_id = 'moving_frame'
         message.transform.translation.x = cos(self.angle)
         message.transform.translation.y = sin(self.angle)
-        message.transform.translation.z = 0.0
         roll, pitch, yaw = 0.0, 0.0, self.angle
         x, y, z, w = quaternion_from_euler(roll, pitch, yaw)
         message.transform.rotation.x = x

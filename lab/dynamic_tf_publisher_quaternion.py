@@ -28,9 +28,6 @@ class DynamicFramePublisher(Node):
         message.child_frame_id = 'moving_frame'
         message.transform.translation.x = cos(self.angle)
         message.transform.translation.y = sin(self.angle)
-        message.transform.translation.z = 0.0
-        message.transform.rotation.x = 0.0
-        message.transform.rotation.y = 0.0
         message.transform.rotation.z = sin(self.angle / 2)
         message.transform.rotation.w = cos(self.angle / 2)
         self.broadcaster.sendTransform(message)
