@@ -3,10 +3,9 @@
 from ament_index_python.packages import get_package_share_path
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
 
@@ -17,7 +16,8 @@ def generate_launch_description() -> LaunchDescription:
     # Without the type, launch_ros would not read every text as a string.
     frame_prefix = {'frame_prefix': ParameterValue(LaunchConfiguration('frame_prefix'),
                                                    value_type=str)}
-    urdf = get_package_share_path('dummy_arm') / 'urdf' / 'dummy_arm.urdf'
+    share = get_package_share_path('dummy_arm')
+    urdf = share / 'urdf' / 'dummy_arm.urdf'
     return LaunchDescription([
         DeclareLaunchArgument('rate', default_value='50.0',
                               description='rate of the messages on /tf (Hz)'),
@@ -42,6 +42,5 @@ def generate_launch_description() -> LaunchDescription:
                 'robot_description': ParameterValue(urdf.read_text(), value_type=str)}]),
         Node(
             package='rviz2', executable='rviz2', output='screen',
-            arguments=['-d', PathJoinSubstitution([
-                FindPackageShare('dummy_arm'), 'rviz', 'dummy_arm.rviz'])],
+            arguments=['-d', str(share / 'rviz' / 'dummy_arm.rviz')],
             parameters=[use_sim_time], condition=IfCondition(LaunchConfiguration('rviz')))])

@@ -92,12 +92,10 @@ def test_each_frame_has_one_publisher(monkeypatch):
     stand_in('launch', LaunchDescription=list)
     stand_in('launch.actions', DeclareLaunchArgument=lambda name, **_: {})
     stand_in('launch.conditions', IfCondition=str)
-    stand_in('launch.substitutions', LaunchConfiguration='value of {}'.format,
-             PathJoinSubstitution='/'.join)
+    stand_in('launch.substitutions', LaunchConfiguration='value of {}'.format)
     stand_in('launch_ros.actions', Node=lambda **kwargs: kwargs)
     stand_in('launch_ros.parameter_descriptions',
              ParameterValue=lambda value, value_type: value_type(value))
-    stand_in('launch_ros.substitutions', FindPackageShare=str)
     actions = runpy.run_path(str(ROOT / LAUNCH))['generate_launch_description']()
     parameters = {action['executable']: {
         name: value for group in action['parameters'] for name, value in group.items()}
