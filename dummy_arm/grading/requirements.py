@@ -186,9 +186,7 @@ def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Line:
                         if part > _ROTATION_TOLERANCE / 4)
     return Line(f'about {axes}', causes.WRONG_ORDER if samples.has_wrong_order else (
         f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and in '
-        'quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.'
-        if axes in ('x', 'y') else
-        f'{joint.name} must turn about z only: x and y of its quaternion are 0.'), [joint.name])
+        'quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.'), [joint.name])
 
 
 def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:

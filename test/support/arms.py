@@ -214,7 +214,7 @@ WRONG = {
     'joint_1 turns about z': {
         'turns about x': changed(rotation=_edge(1, lambda a: (sin(a / 2), 0.0, 0.0, cos(a / 2))))},
     'joint_3 turns about z': {
-        'x and y of its quaternion are 0': changed(rotation=_edge(3, lambda a: (
+        'turns about x and z': changed(rotation=_edge(3, lambda a: (
             0.00095, 0.0, sin(a / 2), (1 - 0.00095 ** 2 - sin(a / 2) ** 2) ** 0.5)))},
     'joint_2 turns about z': {
         'w is the last number; transforms3d has it first': changed(
