@@ -102,13 +102,14 @@ def fault_of_edge(arm: Arm, edge: SheetFrame) -> Optional[Fault]:
             'child_frame_id.')
     if not samples:
         return _fault_of_missing(arm, edge)
-    if samples.is_published_twice:
+    is_on_both = samples.is_static.any() and not samples.is_static.all()
+    if is_on_both and edge is not BASE:  # which has a requirement of its own
+        return f'{name} on /tf and /tf_static', (
+            f'{name} is sent on /tf and on /tf_static; only one of them is right.')
+    if samples.is_published_twice and not is_on_both:
         return f'{name} from {len(set(samples.publishers))} publishers', (
             recreation(arm) or _two_programs(arm, name) or f'Two publishers send {name} at the '
             'same time: two programs, nodes or broadcasters. Only one may send it.')
-    if edge is not BASE and samples.is_static.any() and not samples.is_static.all():
-        return f'{name} on /tf and /tf_static', (
-            f'{name} is sent on /tf and on /tf_static; only one of them is right.')
     if samples.parents == [edge.parent]:
         return None
     parents = comma_list([*samples.parents], shortened)

@@ -45,14 +45,6 @@ def descendants(spared: Collection[int] = ()) -> list[psutil.Process]:
     return found
 
 
-def arguments(pid: int) -> list[str]:
-    """Return the command line of a process; [] if it is not known."""
-    try:
-        return psutil.Process(pid).cmdline()
-    except psutil.Error:
-        return []
-
-
 def is_descendant(pid: int) -> bool:
     """Return whether this process has started another one, or that one has ended, as pkill has."""
     try:

@@ -73,13 +73,10 @@ class Samples:
 
     @property
     def is_published_twice(self) -> bool:
-        """Whether two publishers send the frame on one topic at the same time."""
+        """Whether two publishers send the frame at the same time."""
         # If each begins after the one before it has ended, as when a program is started again,
         # the messages of each are one group.
-        return any(
-            len([*groupby(names)]) > len(set(names)) for names in (
-                [name for name, is_static in zip(self.publishers, self.is_static)
-                 if is_static == topic] for topic in (False, True)))
+        return len([*groupby(self.publishers)]) > len(set(self.publishers))
 
 
 class Arm:

@@ -115,10 +115,13 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
 
 def _arm_of_package(observer: Observer) -> str:
     """Say which process publishes with the arm of this package; '' if none does."""
-    pids = {each.pid for each in observer.publishers.values()} - {0}
-    return next((f'dummy_arm of this package publishes (PID {pid}), which it starts: the arm must '
-                 'be its own.' for pid in pids for argument in processes.arguments(pid)
-                 if _OURS.fullmatch(argument)), '')
+    for pid in {each.pid for each in observer.publishers.values()} - {0}:
+        with suppress(OSError):  # it has ended
+            line = os.fsdecode(Path(f'/proc/{pid}/cmdline').read_bytes())
+            if any(map(_OURS.fullmatch, line.split('\0'))):
+                return (f'dummy_arm of this package publishes (PID {pid}), which it starts: the '
+                        'arm must be its own.')
+    return ''
 
 
 def _other_domain(domain: int) -> str:
