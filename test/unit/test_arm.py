@@ -51,12 +51,6 @@ def test_a_new_limit_is_reached_after_a_second():
     assert blend == sorted(blend)
 
 
-def test_a_new_speed_keeps_the_phase():
-    """From the phase at the time of the change, the phase advances at the new speed."""
-    wave = Wave(0.5, 1.0).with_speed(2.0, 10.0)
-    assert [wave.phase(t) for t in (9.0, 10.0, 11.0)] == [3.0, 5.0, 7.0]
-
-
 @given(times, speeds, limits, st.floats(-4, 4))
 def test_a_held_joint_does_not_move(t, speed, limit, angle):
     """It is at the angle, or at the limit if that is nearer to 0, whatever the phase is."""
