@@ -55,6 +55,12 @@ class Observer:
         finally:
             listener.unregister()
 
+    def lifecycle_nodes(self) -> list[str]:
+        """Return the full names of the lifecycle nodes in the ROS graph."""
+        return [name.removesuffix('/get_state')
+                for name, types in self._node.get_service_names_and_types()
+                if 'lifecycle_msgs/srv/GetState' in types]
+
     def report(self, int_line: int = 0, line: int = 0,
                tick: Callable[[], object] = lambda: None) -> Report:
         """Judge the messages; before that, start a late listener, and call `tick` meanwhile."""

@@ -19,6 +19,7 @@ from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.program import Program, program_in, ProgramError
 from dummy_arm.grading.records import Grade, START, Verdict
 from puretf._causes.domains import ros_domains
+from puretf._text.names import comma_list
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
 
@@ -104,6 +105,8 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         if not observer.publishers:
             fault = _other_domain(domain) or fault
         fault = _arm_of_package(observer) or fault
+        if not observer.messages and not fault and (nodes := observer.lifecycle_nodes()):
+            fault = f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?'
     finally:
         program.end()
     if fault:

@@ -114,6 +114,14 @@ MISTAKES = {
     'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
                                 'not ok', r'domain\D*\b101\b'),
 
+    'lifecycle.py': HandIn(limited("""
+        import rclpy
+        from rclpy.lifecycle import Node
+
+        rclpy.init()
+        rclpy.spin(Node('arm'))
+        """), 'not ok', '/arm is a lifecycle node: is it configured and activated'),
+
     # No program, or an error
     'missing.py': HandIn(None, 'not ok', r'No such file|no dummy_arm\.py'),
     'crash.py': HandIn(program(
