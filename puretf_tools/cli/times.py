@@ -6,11 +6,12 @@ from decimal import Context, Inexact, InvalidOperation
 import re
 from typing import NamedTuple
 
-from puretf import SECOND
+from puretf import exact_time, SECOND
 
 #: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 _NUMBER = re.compile(r'([+-]?)(\d*\.?\d+|\d+\.)', re.ASCII)
+_STAMP = re.compile(r'1\d{18}', re.ASCII)  # ns, from 2001 to 2033
 _DATE = re.compile(r'(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d)?)(\.\d+)?(Z|[+-]\d\d:\d\d)', re.ASCII)
 
 
@@ -53,10 +54,12 @@ def when(text: str) -> When:
             return When(int(whole) * SECOND + _nanoseconds(f'0{match[2] or ""}'))
     except (ArithmeticError, ValueError):
         pass
+    hint = (f'; if it is UTC, write {text}Z' if _DATE.fullmatch(f'{text}Z') else
+            f'; if it is in ns, write {exact_time(int(text))}' if _STAMP.fullmatch(text) else '')
     raise ArgumentTypeError(
         f'{text!r} must be a time, such as 1760000012.34 (s), +12.34 (s after the start of the '
         'bag), -1.5 (s before its end) or 2025-10-09T08:53:32.34Z, with at most 9 digits after '
-        'the point')
+        f'the point{hint}')
 
 
 def seconds(text: str) -> int:

@@ -46,6 +46,16 @@ def test_other_texts_are_refused(text):
         when(text)
 
 
+@pytest.mark.parametrize(('text', 'seconds'), [
+    ('2025-10-09T08:53:32', 1_760_000_012), ('2025-10-09 08:53', 1_759_999_980),
+    ('1760000012340000000', 1_760_000_012.34)])
+def test_a_time_that_is_almost_right(text, seconds):
+    """A date without a zone, or a stamp in ns: the remedy in the error works."""
+    with pytest.raises(ArgumentTypeError) as raised:
+        when(text)
+    assert when(str(raised.value).partition(', write ')[2]).time == round(seconds * 100) * S // 100
+
+
 def dynamic(oldest, latest):
     return Frame('x', 'map', '', False, 2, latest, oldest)
 
