@@ -35,8 +35,9 @@ from puretf.buffer_core import BufferCore
 from puretf.transform import Transform
 from puretf.transform_buffer import TransformBuffer
 
-#: Until a listener is so old (s), it may not have discovered all publishers.
-_DISCOVERY = 2.0
+#: Until a listener is so old (s), it may not have discovered all publishers: Fast DDS announces
+#: itself every 3 s.
+_DISCOVERY = 4.0
 
 
 class TransformListener:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import re
 
 from puretf._causes.clocks import apart
-from puretf._causes.facts import Facts, listed, Look, RECENT, Surroundings
+from puretf._causes.facts import Facts, listed, Look, RECENT, Surroundings, UNKNOWN
 from puretf._causes.lookups import RULES
 from puretf._causes.rules import first_cause
 from puretf._text.names import quoted, see, shortened
@@ -49,7 +49,8 @@ def _known(facts: Facts) -> str:
         return f'The data of edge {quoted(edge.parent)} -> {quoted(edge.child)} {span}{where}.'
     texts = [suggest_names(name, tuple(facts.buffer.names)) for name in names]
     if around.topics and not around.has_data:
-        nodes = sorted({each.node for each in around.publishers})
+        nodes = sorted({each.node.replace(UNKNOWN, 'a publisher whose node is not known')
+                        for each in around.publishers})
         texts += (['The listener has just started; discovery can take some seconds.']
                   if around.is_new else
                   [f'Nothing has arrived yet from {listed(nodes)}.'] if nodes else [])

@@ -747,7 +747,7 @@ UNLUCKY = [
         [Lookup('base', 'camera', [])]),
     Situation('a program whose node is not known', World([Sender('unknown publisher')]),
               [Lookup('odom', 'base_link', [], (
-                  'Nothing has arrived yet from unknown publisher.',))]),
+                  'Nothing has arrived yet from a publisher whose node is not known.',))]),
     Situation('a typo beside other faults', World([
         DRIVER, LASER, Sender('/viz', ['map m'], lacks='reliable'), Sender('/x', type='A')]),
         [Lookup('odom', 'lasr', [], ("'laser'",))]),

@@ -36,6 +36,15 @@ def test_the_remedies(ros, make_node, monkeypatch):
     assert listener.topics_hint() == ''  # a robot may have static transforms only
 
 
+def test_nobody_is_blamed_before_discovery_has_had_its_time(ros):
+    """Fast DDS announces itself every 3 s."""
+    listener = FrameListener(ros.node)
+    listener._start -= 3.0
+    assert listener.why_nothing().startswith('The listener has just started; discovery can take ')
+    listener._start -= 2.0
+    assert listener.why_nothing().startswith('0 publishers on /tf and /tf_static were found in ')
+
+
 def test_no_remedy_is_needed(ros):
     """Once a dynamic transform has been received, nothing is said about other topics."""
     listener = FrameListener(ros.node)
