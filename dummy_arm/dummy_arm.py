@@ -27,9 +27,8 @@ from dummy_arm.grading.sheet import FRAMES, JOINTS
 from puretf import PreparedTransforms, StaticTransformBroadcaster, Transform, TransformBroadcaster
 from puretf._text.names import comma_list, quoted, shortened
 from puretf._text.similar_names import suggest_names
-from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import Parser, run
+from puretf_tools.cli.parser import add_namespace_option, Parser, run
 from puretf_tools.inspection.joint_states import JointStateReader
 
 #: The time between warnings while no message has arrived on /clock (s).

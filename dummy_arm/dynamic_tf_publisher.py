@@ -24,9 +24,8 @@ from rclpy.parameter import Parameter
 
 from puretf import Transform, TransformBroadcaster
 from puretf.rotations import quaternion_from_euler
-from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import Parser, run
+from puretf_tools.cli.parser import add_namespace_option, Parser, run
 
 #: The values of the parameter `rotation`.
 ROTATIONS = ('identity', 'quaternion', 'euler')

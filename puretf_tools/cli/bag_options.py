@@ -8,8 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 from puretf.bag import Bag, BagError, is_bag
 from puretf.bag import open as open_bag
-from puretf_tools.cli.namespace_option import add_namespace_option
-from puretf_tools.cli.parser import CommandError, Parser, UsageError
+from puretf_tools.cli.parser import add_namespace_option, CommandError, Parser, UsageError
 from puretf_tools.cli.progress import DEFAULT_TIME, listening_time, progress
 from puretf_tools.cli.times import When
 

@@ -47,6 +47,13 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {visible(message)}{" ".join(usage.split())}\n')
 
 
+def add_namespace_option(parser: Parser, what: str, *topics: str) -> None:
+    """Add `--namespace`; the help says what the command does with the topics (default: TF's)."""
+    parser.add_argument('--namespace', default='', metavar='NAME',
+                        help=f'{what} ' + ' and '.join(
+                            f'/NAME/{topic}' for topic in topics or ('tf', 'tf_static')))
+
+
 def number(text: str) -> float:
     """Convert an argument to a finite number."""
     try:
@@ -81,8 +88,6 @@ def run(parser: Parser, command: Callable[..., int],
     handlers, bag = record_signals(), None
     try:
         given = _without_ros_args(arguments)[1:]
-        if given.count('--') > 1:  # before Python 3.12.7, argparse drops more (gh-81691)
-            parser.error('-- can be given only once')
         options = vars(parser.parse_args(parser.prepare(given)))
         bag = options.get('bag')
         parser.finish(options)

@@ -7,10 +7,9 @@ from typing import Optional
 
 from puretf._text.names import shortened
 from puretf_tools.cli.description_file import run_with_file
-from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.page_options import add_page_options
-from puretf_tools.cli.parser import Parser
+from puretf_tools.cli.parser import add_namespace_option, Parser
 from puretf_tools.robot import parse, read
 from puretf_tools.robot.descriptions import TOPIC
 

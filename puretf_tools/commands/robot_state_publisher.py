@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Optional
 
 from puretf_tools.cli.description_file import run_with_file
-from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import Parser, UsageError
+from puretf_tools.cli.parser import add_namespace_option, Parser, UsageError
 from puretf_tools.robot import read
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 

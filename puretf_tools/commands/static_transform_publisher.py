@@ -11,9 +11,8 @@ from rclpy.node import Node
 
 from puretf import StaticTransformBroadcaster, Transform
 from puretf.rotations import quaternion_from_euler
-from puretf_tools.cli.namespace_option import add_namespace_option
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import number, Parser, run, UsageError
+from puretf_tools.cli.parser import add_namespace_option, number, Parser, run, UsageError
 
 TRANSLATION = ('x', 'y', 'z')
 QUATERNION = ('qx', 'qy', 'qz', 'qw')

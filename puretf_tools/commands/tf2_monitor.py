@@ -7,8 +7,7 @@ from typing import Optional, TYPE_CHECKING
 
 from puretf import in_seconds, SECOND, TransformException
 from puretf._text.names import shortened, visible
-from puretf_tools.cli.namespace_option import add_namespace_option
-from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
+from puretf_tools.cli.parser import add_namespace_option, frame_name, Parser, run, UsageError
 from puretf_tools.cli.signals import sleep
 from puretf_tools.inspection.terminal import columns, is_terminal, Once, show, wrapped
 from puretf_tools.inspection.traffic import NodeTraffic, Traffic, WINDOW

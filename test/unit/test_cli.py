@@ -81,8 +81,8 @@ def test_a_wrong_option_is_one_line_with_a_hint(failed, parser, argument, hint):
     assert line.endswith(f'{hint}; usage: tool [-h] [--value VALUE] [numbers ...]\n')
 
 
-def test_ros_arguments_and_double_dashes(failed):
-    """ROS arguments end at `--`. Old versions of argparse drop a second one before names."""
+def test_ros_arguments_and_double_dashes():
+    """ROS arguments end at `--`."""
     parser = Parser('tool', 'It does nothing.')
     parser.add_argument('frame')
     parser.add_argument('other')
@@ -90,9 +90,6 @@ def test_ros_arguments_and_double_dashes(failed):
         'a', '--ros-args', '-r', 'c:=d', '--', 'b', '--ros-args', '-p', 'e:=f']) == 7
     assert run(parser, lambda frame, other, **_: (frame, other) == ('-a', '-b') and 7,
                ['--', '-a', '-b', '--ros-args', '-r', 'a:=b', '--']) == 7
-    code, line = failed(lambda args: run(parser, lambda **_: 0, args), 'map', '--', '--')
-    assert code == 2
-    assert line.startswith('tool: -- can be given only once; usage: tool ')
 
 
 # Ends
