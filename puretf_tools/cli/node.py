@@ -134,11 +134,8 @@ def create(make_node: Callable[[], Node]) -> Node:
         text, _, _ = rcl_error_text(error).rpartition(': ')
         raise UsageError(text.rpartition('Reason: ')[2]) from None
     except RuntimeError as error:  # rcl failed, for example because the middleware did
-        middleware = get_rmw_implementation_identifier()
-        limit = ('. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes'
-                 if middleware == 'rmw_cyclonedds_cpp' else '')
         raise CommandError(f'cannot create the node: {rcl_error_text(error)}. Lines above may be '
-                           f'from {middleware}, and say why{limit}') from None
+                           f'from {get_rmw_implementation_identifier()}, and say why') from None
 
 
 def _namespace_args(namespace: str) -> list[str]:
@@ -146,14 +143,10 @@ def _namespace_args(namespace: str) -> list[str]:
     path = namespace_path(namespace)
     if not path:
         return []
-    if '__' in path:
-        raise UsageError(f"Invalid namespace: namespace must not contain '__', got {namespace!r}")
     try:
         validate_namespace(path)
-    except InvalidNamespaceException as error:
+    except (InvalidNamespaceException, TypeError) as error:  # TypeError: it is not valid Unicode
         reason = str(error).splitlines()[0].removesuffix(':')
         raise UsageError(f'{reason}, got {namespace!r}') from None
-    except TypeError:
-        raise UsageError(f'the argument {namespace!r} must be valid Unicode') from None
     return ['--ros-args', '-r', f'__ns:={path}', '-r', f'/tf:={path}/tf',
             '-r', f'/tf_static:={path}/tf_static']

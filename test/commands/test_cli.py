@@ -95,11 +95,7 @@ def test_a_domain_that_cannot_be(domain_id):
     assert call(command_of(command), domain=domain_id).code == 0
 
 
-@pytest.mark.parametrize(('middleware', 'hint'), [
-    ('rmw_fastrtps_cpp', ''),
-    ('rmw_cyclonedds_cpp',
-     '. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes')])
-def test_a_node_that_cannot_be_created(domain_id, monkeypatch, middleware, hint):
+def test_a_node_that_cannot_be_created(domain_id, monkeypatch):
     """One line points at those of the middleware, which rcl does not repeat."""
     def create_node():
         raise RCLError('error creating node, at ./src/rcl/node.c:263')
@@ -107,10 +103,10 @@ def test_a_node_that_cannot_be_created(domain_id, monkeypatch, middleware, hint)
     def command(ros_args):
         return run_node(create_node, ros_args)
 
-    monkeypatch.setattr(node, 'get_rmw_implementation_identifier', lambda: middleware)
+    monkeypatch.setattr(node, 'get_rmw_implementation_identifier', lambda: 'rmw_x')
     assert call(command_of(command), domain=domain_id) == (
-        1, '', f'tool: cannot create the node: error creating node. Lines above may be from '
-               f'{middleware}, and say why{hint}\n')
+        1, '', 'tool: cannot create the node: error creating node. Lines above may be from '
+               'rmw_x, and say why\n')
 
 
 def test_a_shutdown_of_the_context_ends_a_node(start):
