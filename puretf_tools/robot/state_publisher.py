@@ -56,9 +56,6 @@ class RobotStatePublisher(Node):
         self.declare_parameter('ignore_timestamp', False)
         if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
             raise ValueError(problem)
-        if not text:
-            raise DescriptionError('robot_description parameter must not be empty: set it to the '
-                                   'URDF text, or name a URDF file')
         self._description = parse(text)
         self._transforms = RobotTransforms(
             self._description, self.get_logger().warning, self._state_publishers)

@@ -26,22 +26,6 @@ _LONGEST_NUMBER, _WORDS = 100, {3: 'three', 4: 'four'}
 #: blanks. A group matches what is not closed.
 _NO_ELEMENT = re.compile(
     r'<!--(?:.*?-->|(.*))|<!\[CDATA\[(?:.*?\]\]>|(.*))|<\?(?:.*?\?>|(.*))', re.DOTALL)
-#: As much of a text shows what it is, if it is not URDF (characters).
-_LONGEST_BEGIN = 1000
-_TAKES_FILES = 'robot_state_publisher FILE takes a file, URDF or xacro'
-#: How texts begin that are not URDF, what they are, and the remedy.
-_NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, what in (
-    (r'$', f'is empty: {_TAKES_FILES}'),
-    (r'\$\([\w-]+[^<]*$', f'is {{begin}}, which nothing has expanded: {_TAKES_FILES}'),
-    (r'(%YAML|---\s|[\w/*]+:\s*\n|robot_description:)',
-     'is YAML: pass a file of parameters by --ros-args --params-file FILE'),
-    (r'[^<\n]{0,300}(/|\.(urdf|xacro|xml|sdf))[^<\n]{0,300}$',
-     'looks like a path, not like the text of a file: start robot_state_publisher {file}'),
-    (r'\[?<[\w.]+[^<>]* at 0x', 'is the repr of an object in Python, {begin}, not a text: '
-     + _TAKES_FILES),
-    (r'b[\'"]', 'is the repr of bytes in Python: decode() them, where str() was called'),
-    (r'[\'"]', 'is in quotes: leave out the quotes around it'),
-    (r'<(!doctype )?html', 'is HTML, a web page: download the file itself'))]
 #: What follows an error of xacro, by its text.
 _XACRO_HINTS = {
     'declaration not at start': '; remove what stands before <?xml',
@@ -119,17 +103,13 @@ def robot_element(text: str) -> ElementTree.Element:
     """Parse the XML and check the element <robot> itself."""
     if len(text) > MAX_SIZE:
         refuse(f'the robot description is too long: at most {MAX_SIZE} characters are allowed')
-    begin = text.lstrip('\ufeff' + _BLANKS)[:_LONGEST_BEGIN].rstrip(_BLANKS)
-    path = begin.removeprefix('file://')
-    for pattern, what in _NOT_URDF:
-        if pattern.match(begin):
-            refuse('the robot description ' + what.format(
-                begin=quoted(begin), file='FILE' if '://' in path else shlex.quote(path)))
+    if not (given := text.strip('\ufeff' + _BLANKS)).startswith('<'):
+        refuse(f'the robot description must be the text of a URDF, which begins with <, got '
+               f'{quoted(given)}; robot_state_publisher FILE takes a file, URDF or xacro')
     try:
         robot = _xml(_source(text))
     except (expat.ExpatError, UnicodeError) as error:
-        hint = '' if begin.startswith('<') else f'; it begins with {quoted(begin)}'
-        refuse(f'the robot description is not valid XML: {error}{hint}')
+        refuse(f'the robot description is not valid XML: {error}')
     if robot.tag != 'robot':
         hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
         refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>{hint}')

@@ -1,6 +1,5 @@
 """Descriptions of robots: forward kinematics, shapes, what is refused."""
 
-import ast
 import os
 import re
 import subprocess
@@ -279,22 +278,10 @@ DOCTYPES = {
     'not closed': '<!DOCTYPE robot [<!ATTLIST link a CDATA "x"',
 }
 BAD = {
-    'empty': (' \n', 'is empty'),
-    'not XML': ('base_link', "not valid XML: syntax error: line 1.*it begins with 'base_link'"),
-    'an error of a shell': ('bash: xacro: command not found',
-                            "it begins with 'bash: xacro: command not found'"),
-    'path': ('/opt/robots/my robot.urdf',
-             "like a path, .*: start robot_state_publisher '/opt/robots/my robot.urdf'$"),
-    'address in a package': ('package://robot/r.urdf',
-                             'like a path.* robot_state_publisher FILE$'),
-    'command': ('$(command "xacro robot.xacro")', 'is .*, which nothing has expanded'),
-    'object': ('<launch.substitutions.command.Command object at 0x7f0011223344>',
-               'is the repr of an object in Python, .*Command'),
-    'bytes': (str(b'<robot name="r"/>'), 'is the repr of bytes in Python: decode'),
-    'quotes': (repr('<robot name="r"/>'), 'is in quotes: leave out'),
-    'YAML': ('/**:\n  ros__parameters:\n    robot_description: <robot/>',
-             'is YAML: pass .* by --ros-args --params-file FILE'),
-    'HTML': ('<!DOCTYPE html>\n<html><p>404</html>', 'is HTML, a web page: download'),
+    'empty': (' \n', "got ''; robot_state_publisher FILE takes a file"),
+    'not XML': ('base_link', "must be the text of a URDF, which begins with <, got 'base_link'"),
+    'path': ('/opt/robots/my robot.urdf', 'FILE takes a file, URDF or xacro$'),
+    'HTML': ('<html><p>404</p></html>', 'must be <robot>, got <html>'),
     'SDF': ('<?xml version="1.0"?><sdf version="1.9"><model name="m"/></sdf>',
             'must be <robot>, got <sdf>, which is SDF'),
     'cut off': ('<robot name="r"><link', 'not valid XML: .*line 1'),
@@ -349,8 +336,6 @@ BAD = {
 
 #: By a case of BAD: what its remedy makes of the text, or what stands in place of what.
 MENDED: dict[str, Any] = {
-    'bytes': lambda text: ast.literal_eval(text).decode().replace('/', '><link name="a"/></robot'),
-    'quotes': lambda text: text.strip("'").replace('/', '><link name="a"/></robot'),
     'entities': lambda text: text[text.index(']>') + 2:],
     'external subset': lambda text: re.sub('<!DOCTYPE.*?>', '', text),
     'no link': ('</robot>', '<link name="..."/></robot>'),
