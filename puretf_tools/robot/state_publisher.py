@@ -92,19 +92,17 @@ class RobotStatePublisher(Node):
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
-        values = {parameter.name: parameter.value for parameter in parameters}
-        transforms = self._transforms
-        transforms.publish_frequency = float(
-            values.get('publish_frequency', transforms.publish_frequency))
-        transforms.frame_prefix = values.get('frame_prefix', transforms.frame_prefix)
-        transforms.ignore_timestamp = values.get('ignore_timestamp', transforms.ignore_timestamp)
-        if 'robot_description' in values:
+        names, transforms = {parameter.name for parameter in parameters}, self._transforms
+        for parameter in parameters:
+            if parameter.name in ('publish_frequency', 'frame_prefix', 'ignore_timestamp'):
+                setattr(transforms, parameter.name, parameter.value)
+        if 'robot_description' in names:
             transforms.set_description(self._description)
             self._text_publisher.publish(String(data=self._description.text))
             self._warn_of_description()
             self.get_logger().info('Robot initialized')
             self._patience.reset()
-        if 'robot_description' in values or 'frame_prefix' in values:
+        if not names.isdisjoint(('robot_description', 'frame_prefix')):
             self._tf_static.replace(
                 _messages(transforms.fixed(), self.get_clock().now().to_msg()))
 
