@@ -108,16 +108,14 @@ class Description(NamedTuple):
         rules = mimic_rules({name: joint._replace(mimic=None) if name in joint_positions else joint
                              for name, joint in movable.items()})
         buffer = TransformBuffer(max_frames=sys.maxsize, max_samples=None)
-        frames = {link.removeprefix('/'): link for link in self.links}
         for joint in self.joints:
             master, multiplier, offset = rules.get(joint.name, ('', 0.0, 0.0))
             position = multiplier * float(joint_positions.get(master, 0.0)) + offset
-            links = joint.parent, joint.child
-            if any(frames[link.removeprefix('/')] != link for link in links) or not buffer.insert(
-                    0, *links, joint.pose_at(position), is_static=True):
+            if not buffer.insert(0, joint.parent, joint.child, joint.pose_at(position),
+                                 is_static=True):
                 raise ValueError(
                     f'joint {quoted(joint.name)}: {quoted(joint.parent)} and '
-                    f'{quoted(joint.child)} cannot be two frames of their own: rename the links; '
+                    f'{quoted(joint.child)} cannot be two frames: rename the links; '
                     f'a name has 1 to {LONGEST_NAME} bytes, and its leading slash does not count')
         return buffer
 
