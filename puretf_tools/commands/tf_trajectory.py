@@ -26,7 +26,6 @@ from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.cli.times import seconds, When, when
 from puretf_tools.inspection import gaps, recorded
 from puretf_tools.inspection.bag_times import both
-from puretf_tools.inspection.terminal import is_terminal
 from puretf_tools.source import Source, source
 
 #: The files that can be written.
@@ -54,8 +53,7 @@ class Trajectory:
     """The poses of a source frame in a target frame at increasing times."""
 
     def __init__(self, found: Source, ends: tuple[str, str], edges: gaps.Edges,
-                 times: NDArray[np.int64], has_twist: bool, max_gap: Optional[int],
-                 has_bar: bool) -> None:
+                 times: NDArray[np.int64], has_twist: bool, max_gap: Optional[int]) -> None:
         """
         Look up the poses.
 
@@ -69,7 +67,7 @@ class Trajectory:
         self._found, self._edges, self._max_gap = found, edges, max_gap
         #: (n, 10) or, with a twist, (n, 16); NaN: there is no row.
         self.values = np.full((len(times), len(POSE) + len(TWIST) * has_twist), np.nan)
-        with progress(len(times), desc='looking up', disable=None if has_bar else True,
+        with progress(len(times), desc='looking up',
                       bar_format='{desc} {bar} {n} of {total} rows') as show_progress:
             for begin in range(0, len(times), _PART):
                 self._look_up(times[begin:begin + _PART], self.values[begin:begin + _PART])
@@ -219,9 +217,7 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     times = _times(stamps, found.span, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
-    # There is no bar within a table on the terminal.
-    trajectory = Trajectory(found, ends, edges, times[::step], twist, max_gap,
-                            path is not None or not is_terminal())
+    trajectory = Trajectory(found, ends, edges, times[::step], twist, max_gap)
     if path is None:
         _write_csv(sys.stdout, trajectory)
     else:

@@ -8,7 +8,6 @@ from arms import hand
 from cli_runner import call
 import numpy as np
 from processes import ARM, tool
-import pytest
 from ros_node import stamped
 
 from puretf import TransformBroadcaster
@@ -78,15 +77,3 @@ def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
         r'tf_trajectory: .*"map" .*frame does not exist\. No transform has been received yet\. '
         rf'0 publishers .* ROS domain {domain_id}\..*\r\n$', result.stderr)
     assert not [*tmp_path.iterdir()]
-
-
-def test_a_bar_on_a_terminal(tmp_path):
-    """It is shown while a file is written, but not within a table on the same terminal."""
-    bags = pytest.importorskip('bags')
-    arguments = '--bag', str(bags.make(tmp_path / 'bag', 'mcap', bags.walk())), 'odom', 'base_link'
-    written = call(main, *arguments, '-o', str(tmp_path / 'walk.csv'), columns=80)
-    assert 'looking up' in written.stderr
-    assert 'wrote ' in written.stdout
-    printed = call(main, *arguments, columns=80)
-    assert 'looking up' not in printed.stderr
-    assert printed.stdout.count('\n') == 102
