@@ -325,15 +325,14 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     style = {'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}
     panels = 4 if trajectory.has_twist else 2
     figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
-    grid = figure.add_gridspec(panels, 2, width_ratios=(3, 2))
-    rows = [figure.add_subplot(grid[0, 0])]
-    rows += [figure.add_subplot(grid[i, 0], sharex=rows[0]) for i in range(1, panels)]
+    left, right = figure.subfigures(1, 2, width_ratios=(3, 2))
+    rows = left.subplots(panels, 1, sharex=True)
     begin = trajectory.stamps[0]
     holes = trajectory.rows_after_holes()
     _plot_over_time(rows, (stamps - begin) / SECOND, values, holes, style)
     rows[-1].set_xlabel(f'time (s), from {exact_time(begin)} s')
-    figure.align_ylabels()
-    _plot_path(figure.add_subplot(grid[:, 1]), values[:, 0], values[:, 1], holes, style)
+    left.align_ylabels()
+    _plot_path(right.subplots(), values[:, 0], values[:, 1], holes, style)
     some = f', one of {step} rows' if step > 1 else ''
     figure.suptitle(f'{shortened(source_frame)} in {shortened(target)}{some}', parse_math=False)
     # Where a file cannot be written, the PDF backend raises other errors than OSError.
@@ -357,7 +356,6 @@ def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray
             _plot(axes, times, column, holes, {**style, 'label': name}, array == 'rpy')
         axes.set_ylabel(label)
         axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
-        axes.tick_params(labelbottom=axes is rows[-1])
         axes.ticklabel_format(useOffset=False)
         axes.grid(alpha=0.3)
 
