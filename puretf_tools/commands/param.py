@@ -18,15 +18,13 @@ from puretf._text.similar_names import suggest_names
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.parser import CommandError, number, Parser, run, UsageError
 from puretf_tools.cli.progress import DISCOVERY, wait
-from puretf_tools.cli.signals import sleep
+from puretf_tools.cli.signals import wait_until
 
 #: The timeout (s) of each wait: for the node, for its services, and for each response.
 PATIENCE = DISCOVERY
 #: How long to wait for a response before the request is sent again (s). A node that has just been
 #: discovered may not respond to the first request.
 _RETRY = 2.0
-#: Pause between two checks for the response (s).
-_STEP = 0.01
 
 
 class Parameters:
@@ -73,11 +71,9 @@ class Parameters:
         """Send a request, repeat it if there is no response, and return the response."""
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
-            future, retry_at = send_request(), time.monotonic() + _RETRY
-            while time.monotonic() < retry_at:
-                if future.done():
-                    return future.result()
-                sleep(_STEP)
+            future = send_request()
+            if wait_until(_RETRY, future.done):
+                return future.result()
         raise CommandError(f'{self._remote} did not respond within {PATIENCE:g} s')
 
 
