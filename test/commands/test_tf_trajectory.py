@@ -64,16 +64,3 @@ def test_a_gap_in_what_is_received(ros, domain_id, monkeypatch, tmp_path):
     assert result.stderr.endswith(
         'tf_trajectory: 39 rows are interpolated over gaps without data: map -> base has none '
         'between 1001.00 and 1003.00 s\r\n')
-
-
-def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
-    """The error names the domain, and what to check."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
-    result = call(main, 'map', 'base', '--time', '1000', '-o', 'arm.csv', domain=domain_id,
-                  columns=300, until=lambda text: 'waiting for transforms' in text)
-    assert result.code == 1
-    assert re.search(
-        r'tf_trajectory: .*"map" .*frame does not exist\. No transform has been received yet\. '
-        rf'0 publishers .* ROS domain {domain_id}\..*\r\n$', result.stderr)
-    assert not [*tmp_path.iterdir()]

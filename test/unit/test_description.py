@@ -1,15 +1,12 @@
 """Descriptions of robots: forward kinematics, shapes, what is refused."""
 
-import os
 import re
-import subprocess
-import sys
 import tracemalloc
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from environment import code_without, DATA
+from environment import DATA
 from hypothesis import example, given
 from hypothesis import strategies as st
 from model import matrix
@@ -18,7 +15,6 @@ import pytest
 from transforms3d import affines, axangles, euler
 
 from puretf import Transform
-from puretf._text.distribution import distribution
 from puretf_tools.robot.description import Mimic, parse
 from puretf_tools.robot.urdf_text import DescriptionError, MAX_SIZE, read
 
@@ -257,13 +253,6 @@ def test_a_broken_shape_is_left_out(geometry, reason):
     assert re.fullmatch(f"link 'tip': a visual is left out: .*{reason}.*", warning)
 
 
-def test_nothing_is_printed(capfd):
-    """Neither unknown attributes nor unknown elements nor broken shapes make output."""
-    parse(robot(link('tip', '<visual/><inertial/><x/>'), '<gazebo/><transmission/><nonsense/>'))
-    parse(tree(('j', 'fixed', 'a', 'b')).replace('<origin', '<origin unknown="1"'))
-    assert capfd.readouterr() == ('', '')
-
-
 #: XML that makes short texts long, or reads files. Comments and instructions may stand before it.
 DOCTYPES = {
     'entities': '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">' + ''.join(
@@ -493,32 +482,9 @@ def test_of_two_parents_the_last_one_counts():
     assert description.warnings == ("the link 'c' has two parents: joint 'j' is ignored",)
 
 
-XACRO = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-         '<xacro:property name="length" value="${2 * 0.2}"/>'
-         '<xacro:macro name="part" params="name"><link name="${name}"/></xacro:macro>'
-         '<xacro:part name="a"/><xacro:part name="b"/>'
-         '<joint name="j" type="fixed"><parent link="a"/><child link="b"/>'
-         '<origin xyz="${length} 0 0"/></joint></robot>')
-
-
-def test_files(tmp_path):
-    """A URDF file is read unchanged; a .xacro file is expanded."""
-    (tmp_path / 'r.urdf').write_text(ARM)
-    assert read(tmp_path / 'r.urdf') == ARM
-    pytest.importorskip('xacro')
-    (tmp_path / 'r.urdf.xacro').write_text(XACRO)
-    description = parse(read(str(tmp_path / 'r.urdf.xacro')))
-    assert description.links == ('a', 'b')
-    assert description.joints[0].pose[0] == 0.4
-
-
 @pytest.mark.parametrize(('name', 'content', 'message'), [
-    ('missing.urdf', None, 'No such file'), ('missing.xacro', None, 'No such file'),
-    ('r.urdf', b'\xff', 'not text in UTF-8'), ('r.urdf', b'', 'it is empty'),
-    ('r.xacro', b'<robot', 'xacro cannot expand'),
-    ('r.xacro', XACRO.replace('2 *', 'two *').encode(), "'two' is not defined"),
-    ('r.xacro', XACRO.replace('"r"', '"$(find nothing)"').encode(),
-     r'[$]\(find|package .nothing. not found')])
+    ('missing.xacro', None, 'No such file'), ('r.urdf', b'\xff', 'not text in UTF-8'),
+    ('r.urdf', b'', 'it is empty'), ('r.xacro', b'<robot', 'xacro cannot expand')])
 def test_bad_files_are_one_clear_error(tmp_path, name, content, message):
     """The error names the file."""
     if name.endswith('.xacro'):
@@ -536,19 +502,3 @@ def test_a_text_in_place_of_its_file():
     with pytest.raises(DescriptionError, match='this is the text of a file; write') as caught:
         read(10 * ARM)
     assert len(str(caught.value)) < 400
-
-
-@pytest.mark.parametrize(('module', 'call', 'remedy'), [
-    ('xacro', 'read(sys.argv[1])', f'apt install ros-{distribution()}-xacro'),
-    ('ament_index_python', 'read(sys.argv[1])', 'write a path relative to the file, or .*')])
-def test_a_missing_package_is_named(tmp_path, module, call, remedy):
-    """The error says how to install it, or what to write instead."""
-    pytest.importorskip('xacro')
-    file = tmp_path / 'r.xacro'
-    file.write_text(XACRO.replace('"r"', '"$(find nothing)"'))
-    code = code_without([module]) + (
-        'from puretf_tools.robot import DescriptionError, parse, read\n'
-        f'try:\n    {call}\nexcept DescriptionError as error:\n    print(error)\n')
-    done = subprocess.run([sys.executable, '-c', code, os.fspath(file)], text=True,
-                          timeout=60, capture_output=True, check=True)
-    assert re.fullmatch(f'.*{module}.*{remedy}\n', done.stdout)

@@ -69,16 +69,20 @@ def test_an_argument_of_xacro(robots):
     assert parse(read(file, {'arm_type': 'ur5e'})).links == ('ur5e_base',)
 
 
-@pytest.mark.parametrize('prefix', ['', '/any/prefix'])
-def test_a_package_that_is_not_found(robots, monkeypatch, prefix):
+@pytest.mark.parametrize(('prefix', 'cause'), [
+    ('', "Environment variable 'AMENT_PREFIX_PATH' is not set"),
+    ('/any/prefix', "package 'my_sensor_description' not found"), (None, 'ament_index_python')])
+def test_a_package_that_is_not_found(robots, monkeypatch, prefix, cause):
     """The package or the variable is named; a path relative to the file works everywhere."""
     pytest.importorskip('xacro')
     pytest.importorskip('ament_index_python')
-    monkeypatch.setenv('AMENT_PREFIX_PATH', prefix)
+    if prefix is None:
+        monkeypatch.setitem(sys.modules, 'ament_index_python.packages', None)
+    else:
+        monkeypatch.setenv('AMENT_PREFIX_PATH', prefix)
     file = robots / 'find.urdf.xacro'
     error = refused(file)
-    assert ("package 'my_sensor_description' not found" if prefix else
-            "Environment variable 'AMENT_PREFIX_PATH' is not set") in error
+    assert cause in error
     assert error.endswith(
         'in place of $(find PACKAGE), write a path relative to the file, or install the package '
         'and source the setup file of its workspace')

@@ -19,9 +19,7 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         '--feedback is for programs and': ['--feedback d --bag b', '--feedback d --frames f.pdf'],
         '--namespace is for a bag and the arm': ['a.py --namespace robot'],
         "--csv needs the name of a file that ends in .csv, got 'b.py'": ['a.py --csv b.py'],
-        '--csv needs the name of a file that ends in .csv': ['a.csv --csv a.csv'],
-        '--partial needs --bag': ['--partial'],
-        '--bag needs the path of a bag': ["--bag ''"]},
+        '--csv needs the name of a file that ends in .csv': ['a.csv --csv a.csv']},
     'tf2_echo': {
         'the following arguments are required: target_frame': ['map'],
         'a frame must have a name': ['map /', "'' odom"],
@@ -36,8 +34,7 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         "'1e99' must be a time, such as": ['map odom -t 1e99'],
         'with at most 9 digits after the point': [
             f'map odom -t 1.{"0" * 30}1', 'map odom -t 1.0000000001'],
-        'leave out the rate': ['map odom --bag x -r 1'],
-        '--partial needs --bag': ['map odom --partial']},
+        'leave out the rate': ['map odom --bag x -r 1']},
     'tf2_monitor': {
         'give two frames, or none to monitor all frames': ['map'],
         'a frame must have a name': ["map ''", '/ odom']},
@@ -50,24 +47,14 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         "'x.csv/' must end in .csv": ['map odom -o x.csv/'],
         "'x.json' must end in .csv": ['map odom -o x.json'],
         'a .tum file has no place for velocities': ['map odom -o x.tum --twist'],
-        '--every must be more than 0 s': ['map odom --every 0'],
         'must be a time in s, from 0 to 9223372036, with at most 9 digits': [
-            f'map odom --every {every}' for every in ('-1', '1e-10', '1e10', 'nan')],
-        'the time to listen must be more than 0 s': ['map odom --time 0'],
-        'and at most 1e+09 s, got 1e+10': ['map odom --time 1e10'],
-        'leave it out with --bag': ['map odom --bag x --time 1'],
-        '--bag needs the path of a bag': ["map odom --bag ''"],
-        '--partial needs --bag': ['map odom --partial']},
+            f'map odom --every {every}' for every in ('-1', '1e-10', '1e10', 'nan')]},
     'view_frames': {
-        'the time to listen must be more than 0 s, and at most 1e+09 s, got 0': ['-t 0'],
-        "'x' is not a number": ['-t x'],
+        'the time to listen must be more than 0 s, and at most 1e+09': ['-t 0', '-t 1e300'],
         'unrecognized arguments: --wait_time (did you mean --wait-time?)': ['--wait_time'],
-        'at most 1e+09 s, got 1e+300': ['-t 1e300'],
         'must end in .pdf, .svg, .png': ['-o a.jpg', "-o ''", '-o ..', '-o directory/'],
         'a frame must have a name': ["--root ''", '--root /'],
-        'is for listening: leave it out': ['--bag x --watch', '--bag x -t 5'],
-        '--partial needs --bag': ['--partial'],
-        '--bag needs the path of a bag': ["--bag ''"]},
+        'is for listening: leave it out': ['--bag x --watch', '--bag x -t 5']},
     'web_view': {
         'from 1 to 65535': [f'--port={port}' for port in (
             '0', '-1', '65536', '8080.0', '80_80', "' 80'", '', 'http', '٣', '9' * 5000)],
@@ -104,12 +91,3 @@ def test_where_nothing_can_be_written(failed, tmp_path, command, arguments, name
     assert failed(main_of(command), '--bag', 'nowhere', *arguments.split(), str(path)) == (
         1, f'{command}: cannot write {path}: {path.parent} is not a writable directory\n')
     assert not [*tmp_path.iterdir()]
-
-
-@pytest.mark.parametrize(('command', 'arguments'), [
-    ('check_arm', ''), ('tf2_echo', 'map odom'), ('tf_trajectory', 'map odom'),
-    ('view_frames', ''), ('web_view', '')])
-def test_a_bag_that_does_not_exist(failed, command, arguments):
-    """The exit code is 1."""
-    assert failed(main_of(command), *arguments.split(), '--bag', 'nowhere') == (
-        1, f'{command}: cannot read nowhere: No such file or directory\n')
