@@ -96,11 +96,9 @@ def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Optional[Rg
     name, color = material.get('name', ''), _color(material)
     if color:
         return colors.setdefault(name, color) if name else color, ''
-    return colors.get(name), (
-        '' if material.find('texture') is not None else
-        'a color is ignored: rgba must be four numbers from 0 to 1'
-        if material.find('color') is not None else
-        '' if name in colors else f'there is no material {quoted(name)} with a color')
+    if name in colors or material.find('texture') is not None:
+        return colors.get(name), ''
+    return None, f'material {quoted(name)} has no color: rgba must be four numbers from 0 to 1'
 
 
 def _color(material: ElementTree.Element) -> Optional[Rgba]:

@@ -392,9 +392,9 @@ def test_the_first_child_of_a_geometry_is_the_shape():
 
 
 @pytest.mark.parametrize(('material', 'warning'), [
-    ('<material name="m"><color rgba="217 38 25 1"/></material>', 'rgba must be four numbers'),
-    ('<material name="m"><color rgba="1 0 0"/></material>', 'rgba must be four numbers'),
-    ('<material name="none"/>', "there is no material 'none' with a color"),
+    ('<material name="m"><color rgba="217 38 25 1"/></material>', "material 'm' has no color: "),
+    ('<material name="m"><color rgba="1 0 0"/></material>', "material 'm' has no color: "),
+    ('<material name="none"/>', "material 'none' has no color: rgba must be four numbers"),
     ('<material name="blue"/>', ''), ('', ''), ('<material name="skin"/>', ''),
     ('<material name="m"><texture filename="a.png"/></material>', '')])
 def test_colors_that_are_ignored_are_named(material, warning):
