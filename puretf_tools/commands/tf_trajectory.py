@@ -2,7 +2,6 @@
 
 from argparse import Action
 from bisect import bisect_left, bisect_right
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -76,7 +75,7 @@ class Trajectory:
         self._missing = times[~self.known]
         holes = gaps.holes_at(edges, times, max_gap)
         is_in_hole = self.known & holes.astype(np.bool_)
-        self._in_holes = Counter(holes[is_in_hole].tolist())
+        self._holes = holes[is_in_hole].tolist()  #: those that rows are in
         if max_gap is not None:
             self.values[is_in_hole] = np.nan
         self.stamps = times[self.known]  #: those of the rows
@@ -117,14 +116,12 @@ class Trajectory:
             yield (f'{self._some(len(others), "row")} left out, without a transform'
                    f'{" or a velocity" * self.has_twist}; the first, at {exact_time(others[0])} '
                    f's: {self._why_not(int(others[0]))}')
-        if in_holes := sum(self._in_holes.values()):
-            hole = max(self._in_holes, key=lambda each: each.end - each.begin)
-            rest = in_holes - self._in_holes[hole]
-            others_too = f', and {rest} of the rows are in other gaps' if rest else ''
+        if count := len(self._holes):
+            hole = max(self._holes, key=lambda each: each.end - each.begin)
             what = 'interpolated over' if self._max_gap is None else 'left out, in'
             zero = None if self._found.listener else self._found.span[0]
-            yield (f'{in_holes} row{"s are" if in_holes > 1 else " is"} {what} gaps without data: '
-                   f'{hole.edge} has none {hole.between(zero)}{others_too}')
+            yield (f'{count} row{"s are" if count > 1 else " is"} {what} gaps without data; in the '
+                   f'longest, {hole.edge} has none {hole.between(zero)}')
 
     def _some(self, count: int, what: str) -> str:
         return f'{count} of {len(self.times)} {what}s {"is" if count == 1 else "are"}'

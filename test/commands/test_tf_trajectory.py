@@ -62,5 +62,5 @@ def test_a_gap_in_what_is_received(ros, domain_id, monkeypatch, tmp_path):
     assert result.code == 0
     assert 'wrote tool.csv: 81 rows from ' in result.stdout
     assert result.stderr.endswith(
-        'tf_trajectory: 39 rows are interpolated over gaps without data: map -> base has none '
-        'between 1001.00 and 1003.00 s\r\n')
+        'tf_trajectory: 39 rows are interpolated over gaps without data; in the longest, map -> '
+        'base has none between 1001.00 and 1003.00 s\r\n')

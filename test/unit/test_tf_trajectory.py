@@ -564,14 +564,14 @@ def test_rows_in_a_gap_are_counted(run, torn_bag):
     output, error = run('--bag', torn_bag, 'odom', 'tool')
     assert output.count('\n') == 102
     assert error.splitlines()[1:] == [
-        'tf_trajectory: 29 rows are interpolated over gaps without data: odom -> base_link has '
-        'none between +4.00 and +7.00 s']
+        'tf_trajectory: 29 rows are interpolated over gaps without data; in the longest, '
+        'odom -> base_link has none between +4.00 and +7.00 s']
     output, error = run('--bag', torn_bag, 'odom', 'tool', '--max-gap', '2.999999999')
     assert read_csv(output)[1].tolist() == [
         100 * S + i * S // 10 for i in range(101) if not 40 < i < 70]
     assert error.splitlines()[1:] == [
-        'tf_trajectory: 29 rows are left out, in gaps without data: odom -> base_link has none '
-        'between +4.00 and +7.00 s']
+        'tf_trajectory: 29 rows are left out, in gaps without data; in the longest, odom -> '
+        'base_link has none between +4.00 and +7.00 s']
     output, error = run('--bag', torn_bag, 'odom', 'tool', '--max-gap', '3')
     assert output.count('\n') == 102
     assert error.count('\n') == 1
