@@ -120,8 +120,8 @@ class Trajectory:
             hole = max(self._holes, key=lambda each: each.end - each.begin)
             what = 'interpolated over' if self._max_gap is None else 'left out, in'
             zero = None if self._found.listener else self._found.span[0]
-            yield (f'{count} row{"s are" if count > 1 else " is"} {what} gaps without data; in the '
-                   f'longest, {hole.edge} has none {hole.between(zero)}')
+            yield (f'{count} row{"s are" if count > 1 else " is"} {what} gaps without data; in '
+                   f'the longest, {hole.edge} has none {hole.between(zero)}')
 
     def _some(self, count: int, what: str) -> str:
         return f'{count} of {len(self.times)} {what}s {"is" if count == 1 else "are"}'
@@ -322,7 +322,7 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     style = {'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}
     panels = 4 if trajectory.has_twist else 2
     figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
-    left, right = figure.subfigures(1, 2, width_ratios=(3, 2))
+    ((left, right),) = figure.subfigures(1, 2, squeeze=False, width_ratios=(3, 2))
     rows = left.subplots(panels, 1, sharex=True)
     begin = trajectory.stamps[0]
     holes = trajectory.rows_after_holes()
