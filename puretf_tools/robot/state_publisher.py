@@ -1,8 +1,7 @@
 """The node that publishes the transforms of a robot: `RobotStatePublisher`."""
 
 from copy import copy
-from math import isfinite
-from typing import Any, Optional
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
@@ -23,7 +22,6 @@ from puretf.publisher_listener import nodes_on
 from puretf_tools.inspection.joint_states import JointStateReader
 from puretf_tools.robot.description import parse
 from puretf_tools.robot.robot_transforms import LinkTransform, RobotTransforms
-from puretf_tools.robot.urdf_text import DescriptionError
 
 #: The time (s) after which joints without a position are named.
 PATIENCE = 5.0
@@ -54,8 +52,7 @@ class RobotStatePublisher(Node):
         self.declare_parameter('publish_frequency', 20.0, ParameterDescriptor(dynamic_typing=True))
         self.declare_parameter('frame_prefix', '')
         self.declare_parameter('ignore_timestamp', False)
-        if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
-            raise ValueError(problem)
+        _check_frequency(self.get_parameter('publish_frequency').value)
         self._description = parse(text)
         self._transforms = RobotTransforms(
             self._description, self.get_logger().warning, self._state_publishers)
@@ -78,17 +75,14 @@ class RobotStatePublisher(Node):
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            problem = None
-            if parameter.name == 'publish_frequency':
-                problem = _frequency_problem(parameter.value)
-            elif parameter.name == 'robot_description':
-                try:
+            try:
+                if parameter.name == 'publish_frequency':
+                    _check_frequency(parameter.value)
+                elif parameter.name == 'robot_description':
                     self._description = parse(parameter.value)
-                except DescriptionError as error:
-                    problem = str(error)
-                    self.get_logger().warning(f'refused a robot_description: {error}')
-            if problem:
-                return SetParametersResult(successful=False, reason=problem)
+            except ValueError as error:
+                self.get_logger().warning(f'refused {parameter.name}: {error}')
+                return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
@@ -138,11 +132,9 @@ class RobotStatePublisher(Node):
             self.get_logger().warning(warning)
 
 
-def _frequency_problem(value: object) -> Optional[str]:
-    if (isinstance(value, (int, float)) and not isinstance(value, bool) and isfinite(value)
-            and 0.0 <= value <= 1000.0):
-        return None
-    return f'publish_frequency must be between 0 and 1000 (Hz), got {value!r}'
+def _check_frequency(value: Any) -> None:
+    if type(value) not in (int, float) or not 0.0 <= value <= 1000.0:
+        raise ValueError(f'publish_frequency must be between 0 and 1000 (Hz), got {value!r}')
 
 
 def _messages(transforms: list[LinkTransform], stamp: Time) -> list[TransformStamped]:
