@@ -35,9 +35,8 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[..., object]]:
     if tqdm is None or not sys.stderr:
         yield lambda *_: check_signals()
         return
-    kwargs.setdefault('disable', None)  # unless stderr is a terminal
     with signals_blocked():  # in its thread; this one is to receive them
-        bar = tqdm(total=total, leave=False, **kwargs)
+        bar = tqdm(total=total, leave=False, disable=None, **kwargs)  # None: in a pipe
     with bar:
         def show(done: float, what: str = '') -> None:
             check_signals()
