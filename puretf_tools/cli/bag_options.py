@@ -101,8 +101,6 @@ def bag_progress(bag: Sequence[str], on_progress: Optional[Callable[[float], obj
     """
     Show a bar while the `with` block reads a bag, whose errors become CommandErrors.
 
-    The target of `as` is the argument `on_progress` for `puretf.bag`; a signal ends it.
-
     :param on_progress: what takes the place of the bar, if it is given.
     """
     try:

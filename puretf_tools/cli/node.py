@@ -28,12 +28,9 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
     """
     Run a node until a signal or a shutdown of the context; return the exit code.
 
-    :param make_node: creates the node; it may raise a UsageError.
     :param ros_args: the command line, with the name of the command.
     :param namespace: the namespace of the node and of the topics /tf and /tf_static; '': none.
-    :raises UsageError: if a parameter in the ROS arguments, or the namespace, is invalid.
-    :raises CommandError: if ROS cannot be initialised, if the node cannot be created, or if a
-        callback fails.
+    :raises UsageError: if the arguments are wrong; what else fails is a CommandError.
     """
     with spinning_node(make_node, ros_args, namespace) as node:
         while node.context.ok():
@@ -83,10 +80,7 @@ def spinning_node(node_or_name: Callable[[], Node] | str, ros_args: Sequence[str
     """
     Initialise ROS and spin a node in a thread until the end of the `with` block.
 
-    An error of the executor interrupts the block like Ctrl-C, and then becomes a CommandError;
-    other errors are as those of `run_node`.
-
-    :param node_or_name: creates the node, or is its name.
+    An error of the executor interrupts the block like Ctrl-C, and then becomes a CommandError.
     """
     make_node = node_or_name if callable(node_or_name) else (
         lambda: rclpy.create_node(node_or_name))

@@ -79,8 +79,7 @@ def run(parser: Parser, command: Callable[..., int],
     Parse the arguments, run a command, print its error in one line, and return its exit code.
 
     :param command: gets the parsed arguments by keyword, and `ros_args`, the command line with the
-        name of the command. It returns the exit code, and may raise UsageError or CommandError.
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
+        name of the command.
     :param interrupted: the exit code if a signal ends the command, unless it has the option
         `--bag`, or if the program that reads its output has ended.
     """

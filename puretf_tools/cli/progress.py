@@ -25,8 +25,6 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[..., object]]:
 
     In `with progress(10.0) as show:`, `show(3.0)` sets the bar to 3, and `show(3.0, 'eating')` its
     description, too; a signal that was recorded ends it, by KeyboardInterrupt.
-
-    :param kwargs: arguments of `tqdm.tqdm`, such as `desc`.
     """
     try:
         from tqdm import tqdm

@@ -2,14 +2,13 @@
 Signal handlers that end a command on SIGINT (Ctrl-C) and SIGTERM.
 
 The first signal is only recorded. The command checks for it where it can stop without leaving
-anything half done: `sleep`, `wait_until` and `check_signals` raise KeyboardInterrupt, which
-`cli.parser.run` turns into a normal end; the spinning of `cli.node` ends. If nothing checks for it
-within 2 s, as in a long loop of a library, the first signal raises KeyboardInterrupt, too. The
+anything half done: `sleep`, `wait_until` and `check_signals` raise KeyboardInterrupt. If nothing
+checks for it within 2 s, as in a long loop of a library, the first signal raises it, too. The
 second signal does so at once, except during the cleanup at the end of a command.
 
 The last resort: if the shutdown of ROS, or then the exit of Python, takes more than 5 s each, or
-at the third signal, the process ends at once, by _exit. Nothing but this is limited, so a command
-that goes on after Ctrl-C, such as one that writes what it has recorded, has all the time it needs.
+at the third signal, the process ends at once, by _exit. Nothing but this is limited: a command may
+go on after Ctrl-C, and write what it has recorded.
 """
 
 from collections.abc import Callable, Iterator

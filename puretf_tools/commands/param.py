@@ -89,10 +89,8 @@ def read(text: str, current_type: int) -> Any:
     """
     Convert a YAML text to a value of a parameter.
 
-    The type of the current value decides how the text is read. If the current value is a STRING,
-    the result is the text itself. If the current value is a DOUBLE or a DOUBLE_ARRAY, integers in
-    the text become floats. A number with an exponent but no point, such as 1e-3, becomes a float,
-    although PyYAML reads such a number as text.
+    The type of the current value decides: a STRING is the text itself, and in a DOUBLE or a
+    DOUBLE_ARRAY, integers become floats.
     """
     if current_type == ParameterType.PARAMETER_STRING:
         return text

@@ -26,12 +26,7 @@ _TOLERANCE = 0.01
 
 
 class StaticTransformPublisher(Node):
-    """
-    A node that publishes one static transform.
-
-    The node has read-only parameters for the translation, the rotation and the frames of the
-    transform.
-    """
+    """A node that publishes one static transform, which it has as read-only parameters."""
 
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:

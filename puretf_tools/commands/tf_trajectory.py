@@ -59,7 +59,6 @@ class Trajectory:
         :param ends: the target frame and the source frame.
         :param edges: those between the two, from `path_edges`.
         :param times: (n,) times (ns).
-        :param max_gap: the longest step of an edge over which poses are interpolated (ns).
         :raises CommandError: if no time has a transform.
         """
         self.ends, self.times, self.has_twist = ends, times, has_twist
@@ -178,13 +177,10 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     """
     Write or draw the poses of the source frame in the target frame over time.
 
-    :param output: path of the file. Its ending gives the format; see `TABLES` and `DRAWINGS`.
-        None: print the table in CSV.
+    :param output: None: print the table in CSV.
     :param every: the interval between two rows (ns), from the first time on at which a row is
         possible; None: a row for each stamp of the dynamic transforms between the two frames.
-    :param at: a topic that gives the stamps of the rows; then the first frame may be left out.
     :param max_gap: the longest step of an edge over which poses are interpolated (ns).
-    :param topic: a topic of poses, in place of the two frames.
     """
     frames = [name for name in (target_frame, source_frame) if name]
     for is_wrong, why in (

@@ -40,7 +40,6 @@ class RobotTransforms:
         """
         Take the robot.
 
-        :param warn: logs a warning.
         :param publishers: returns who publishes the JointState messages, as the end of a warning.
         """
         self.publish_frequency = 20.0
