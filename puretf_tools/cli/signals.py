@@ -55,7 +55,7 @@ def unchecked_signals_end() -> Iterator[None]:
     if not hasattr(signal, 'setitimer'):  # on Windows
         yield
         return
-    before, _is_limited = signal.signal(signal.SIGALRM, _interrupt), True
+    before, _is_limited = signal.signal(signal.SIGALRM, signal.default_int_handler), True
     try:
         yield
     finally:
@@ -68,10 +68,6 @@ def _set_timer(seconds: float) -> None:
     if _is_limited:
         # Again and again, since what is raised in a callback of the garbage collector is lost.
         signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
 
 
 @contextmanager
