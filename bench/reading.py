@@ -29,7 +29,8 @@ from puretf import bag, TransformBuffer
 from puretf._core.engine import engine_of
 from puretf._core.pose import IDENTITY
 from puretf._core.pose import Row as TransformRow
-from puretf._wire import cdr, ros1
+from puretf._wire import cdr
+from puretf._wire.encoding import CDR, ROS1
 from puretf._wire.message_reader import MessageReader
 from puretf_tools.commands import tf_doctor
 
@@ -99,7 +100,7 @@ def insert_objects(path: Path) -> None:
 
 def insert_records(records: Iterable[Record], kind: str) -> None:
     """Insert messages as bytes."""
-    reader = MessageReader(print, ros1 if kind == 'bag' else cdr)
+    reader = MessageReader(print, ROS1 if kind == 'bag' else CDR)
     engine_of(TransformBuffer(FOR_EVER)).insert_batches(
         reader.read((data for _, _, data in records), 'bench', False))
 

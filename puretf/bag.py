@@ -16,8 +16,9 @@ from puretf._core.engine import engine_of
 from puretf._core.pose import Row
 from puretf._core.times import nanoseconds_or_int
 from puretf._text.names import comma_list, SHOWN, visible
+from puretf._wire.encoding import Encoding
 from puretf._wire.headers import Headers
-from puretf._wire.message_reader import Encoding, MessageReader
+from puretf._wire.message_reader import MessageReader
 from puretf.transform_buffer import TransformBuffer
 
 __all__ = ['NOT_RECORDED', 'Bag', 'BagError', 'BagMessage', 'Headers', 'Paths', 'Topic', 'is_bag',

@@ -16,6 +16,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from puretf._ros.messages import TFMessage
 from puretf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from puretf._wire import cdr
+from puretf._wire.encoding import Fields
 
 
 class StaticTransformBroadcaster:
@@ -40,7 +41,7 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(
             TFMessage, tf_static_topic, profile(1 if qos is None else qos, TF_STATIC),
             qos_overriding_options=qos_overriding_options)
-        self._sent: dict[str, cdr.Fields] = {}
+        self._sent: dict[str, Fields] = {}
         self._lock = RLock()  # because a signal handler may send, too
 
     def sendTransform(  # noqa: N802

@@ -30,7 +30,7 @@ from puretf._ros.own_node import OwnNode
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC
 from puretf._ros.rclpy_private import missing_part, subscribe
 from puretf._ros.subscription import AUTHORITY, QosMonitor, SubscriptionSource
-from puretf._wire import cdr
+from puretf._wire.encoding import MalformedMessage
 from puretf.buffer_core import BufferCore
 from puretf.transform import Transform
 from puretf.transform_buffer import TransformBuffer
@@ -206,7 +206,7 @@ class TransformListener:
 
     def _on_fault(self, error: BaseException) -> None:
         """Count malformed messages, and log each kind once; log other errors once a second."""
-        if isinstance(error, cdr.MalformedMessage):
+        if isinstance(error, MalformedMessage):
             self.malformed += 1
             self._log.warn_once(str(error).partition(':')[0], (
                 f'Dropped a message that cannot be decoded, {error}. Further messages with '

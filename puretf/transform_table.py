@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.pose import Row
-from puretf._wire.message_reader import Encoding, KnownLayouts, Layout
+from puretf._wire.encoding import Encoding
+from puretf._wire.message_reader import KnownLayouts, Layout
 
 #: Tables are created when the collected messages take more than `_MOST_BYTES`. A message takes the
 #: size of its data and `_OVERHEAD` (bytes).

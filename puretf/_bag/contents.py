@@ -10,9 +10,8 @@ from typing import Optional, Union
 
 from puretf._bag.recordings import BagError, error_line
 from puretf._text.names import comma_list, namespace_path, shortened, TF_MESSAGE, visible
-from puretf._wire import cdr, ros1
+from puretf._wire.encoding import CDR, Encoding, ROS1
 from puretf._wire.headers import Headers
-from puretf._wire.message_reader import Encoding
 
 #: The publisher of a stream if the bag does not record it; rosbag2 never does.
 NOT_RECORDED = 'not recorded'
@@ -78,7 +77,7 @@ class Contents:
             msgtype = f'{msgtype} in {encoding}'  # which is not a known type
         topic = self.topics.get((name, msgtype))
         if topic is None:
-            module = ros1 if encoding == 'ros1' else cdr
+            form = ROS1 if encoding == 'ros1' else CDR
             is_tf, is_named = msgtype in _TF_TYPES, name in self._others
             is_static = self._is_static.get(name) if is_tf else None
             has_header = (self._headers or is_named) and not is_tf and (
@@ -86,7 +85,7 @@ class Contents:
             is_wanted = (self._tf and is_static is not None) or is_named or (
                 msgtype, name.rpartition('/')[2]) in self._others
             topic = self.topics[name, msgtype] = Topic(
-                name, msgtype, module, publisher, is_static, has_header, Headers(module), is_tf,
+                name, msgtype, form, publisher, is_static, has_header, Headers(form), is_tf,
                 is_wanted, is_wanted or bool(has_header))
         topic.count += count
         topic.durabilities |= Counter(  # the largest numbers of all files

@@ -15,8 +15,7 @@ from puretf._bag.database import records_of_database
 from puretf._bag.mcap_file import McapFile
 from puretf._bag.recordings import BAG_DEFINITION
 from puretf._bag.unpacking import Item, TICK, unpack_file, ZSTD
-from puretf._wire import ros1
-from puretf._wire.message_reader import Encoding
+from puretf._wire.encoding import Encoding, ROS1
 
 _typestore = cache(get_typestore)
 _Reader = Callable[[Path, Contents], Iterator[Item]]
@@ -90,8 +89,8 @@ _FORMATS: dict[bytes, tuple[Optional[_Reader], str]] = {
 
 def decoded(data: bytes, msgtype: str, encoding: Encoding) -> Any:
     """Return a message of a standard type as an object; None if it cannot be decoded."""
-    types = _typestore(Stores.ROS1_NOETIC if encoding is ros1 else Stores.LATEST)
+    types = _typestore(Stores.ROS1_NOETIC if encoding is ROS1 else Stores.LATEST)
     with suppress(Exception):  # the decoder raises errors of many types
-        return (types.deserialize_ros1 if encoding is ros1 else types.deserialize_cdr)(
+        return (types.deserialize_ros1 if encoding is ROS1 else types.deserialize_cdr)(
             data, msgtype)
     return None

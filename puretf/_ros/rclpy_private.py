@@ -32,7 +32,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from puretf._ros import cyclone_dds
 from puretf._ros.transform_stamped import deserialize, serialize
 from puretf._text.times import SECOND
-from puretf._wire.cdr import MalformedMessage
+from puretf._wire.encoding import MalformedMessage
 
 #: A message: its bytes, the gid of its publisher (hex), and the times of reception and of sending
 #: (ns). What is not known is '' or 0.

@@ -13,8 +13,7 @@ from puretf._core.pose import Row
 from puretf._ros.graph import nodes_by_gid
 from puretf._ros.own_node import subscribe_to_bytes
 from puretf._ros.rclpy_private import Taker
-from puretf._wire import cdr
-from puretf._wire.message_reader import Encoding
+from puretf._wire.encoding import CDR, Encoding
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 0.5
@@ -33,7 +32,7 @@ class ReceivedMessage(bytes):
     time = 0  #: the time of arrival, on the system clock (ns)
     sent = 0  #: when it was sent, on the system clock of its computer (ns); 0: not known
     is_static = False  #: True if the message is from /tf_static
-    encoding: Encoding = cdr
+    encoding: Encoding = CDR
 
     @property
     def data(self) -> bytes:
@@ -56,7 +55,7 @@ class ReceivedMessage(bytes):
             is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
         :raises ValueError: if the bytes are not those of a TFMessage.
         """
-        return cdr.unpack(self)
+        return CDR.unpack(self)
 
 
 class Publishers:

@@ -19,6 +19,7 @@ from puretf._core.times import written
 from puretf._text.names import abbreviated
 from puretf._text.times import SECOND
 from puretf._wire import cdr
+from puretf._wire.encoding import CDR, Fields
 from puretf.exceptions import described, is_of_rosbags
 from puretf.transform import Transform as OurTransform
 
@@ -48,7 +49,7 @@ def serialize(transforms: Iterable[TransformStamped]) -> bytes:
 
 def deserialize(data: bytes) -> list[TransformStamped]:
     """Unpack the bytes of a TFMessage, or raise a MalformedMessage."""
-    return [*map(message_of_fields, cdr.fields(data))]
+    return [*map(message_of_fields, CDR.fields(data))]
 
 
 def row_of(message: TransformStamped) -> Row:
@@ -66,7 +67,7 @@ def row_of(message: TransformStamped) -> Row:
     return Row(index(sec) * SECOND + index(nanosec), frame_id, child_frame_id, pose)
 
 
-def fields_of(message: TransformStamped) -> cdr.Fields:
+def fields_of(message: TransformStamped) -> Fields:
     """Read the fields of a TransformStamped, without checks of their values."""
     if not isinstance(message, TransformStamped):
         raise TypeError(f'expected a TransformStamped, got {described(message)}'
@@ -91,7 +92,7 @@ def _how_to_convert(value: object) -> str:
     return ''
 
 
-def message_of_fields(fields: cdr.Fields) -> TransformStamped:
+def message_of_fields(fields: Fields) -> TransformStamped:
     """
     Create a TransformStamped from its fields.
 
@@ -185,7 +186,7 @@ def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
     return list(transform) if is_several else [transform]
 
 
-def fields_to_send(messages: Iterable[TransformStamped]) -> Iterator[cdr.Fields]:
+def fields_to_send(messages: Iterable[TransformStamped]) -> Iterator[Fields]:
     """Read and check transforms that are to be broadcast."""
     for fields in map(fields_of, messages):
         check_edge(*fields[2:4])

@@ -6,8 +6,7 @@ import struct
 from typing import Optional
 
 from puretf._text.names import is_too_long
-from puretf._wire import cdr
-from puretf._wire.message_reader import Encoding
+from puretf._wire.encoding import CDR, Encoding
 
 #: The largest number of frames that these messages name.
 _MOST_FRAMES = 1000
@@ -21,7 +20,7 @@ class Headers:
     added.
     """
 
-    def __init__(self, encoding: Encoding = cdr, most: int = 20_000) -> None:
+    def __init__(self, encoding: Encoding = CDR, most: int = 20_000) -> None:
         """Create an empty sample of at most `most` messages."""
         self._most, self._header = most, encoding.header
         self.count = 0  #: the number of all messages

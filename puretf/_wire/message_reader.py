@@ -7,39 +7,19 @@ positions of their fields, is worked out once, and later messages are read by on
 
 from collections.abc import Callable, Iterable, Sequence
 import struct
-from typing import Optional, Protocol
+from typing import Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.pose import Batch, BatchOrRows, Row, Rows
 from puretf._text.times import SECOND
-from puretf._wire import cdr
-from puretf._wire.cdr import MalformedMessage
+from puretf._wire.encoding import CDR, Encoding, MalformedMessage
 
 #: When the messages of the kept layouts take more than this (bytes), all layouts are dropped.
 _MOST_BYTES = 10_000_000
 #: No message is added to a batch of this many transforms: larger arrays do not fit the CPU caches.
 _FULL_BATCH = 1000
-
-
-class Encoding(Protocol):
-    """The encoding of messages: the module `cdr` (ROS 2) or the module `ros1` (ROS 1)."""
-
-    HEAD: bytes  #: what precedes the number of transforms
-    STAMP: str  #: the format of seconds and nanoseconds, for `struct`
-
-    def unpack(self, data: bytes) -> list[Row]:
-        """Deserialise a message, or raise MalformedMessage."""
-
-    def key(self, data: bytes) -> bytes:
-        """See `cdr.key`."""
-
-    def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
-        """See `cdr.layout`."""
-
-    def header(self, data: bytes) -> tuple[int, bytes, int]:
-        """See `cdr.header`."""
 
 
 #: The parts of a message: its layout, its n stamps and its n poses, each as bytes.
@@ -56,9 +36,9 @@ class Layout:
         self.names = frozenset(self.children)
         fields, names = encoding.layout(edges)
         self._struct = struct.Struct(fields)
-        self._head = encoding.HEAD, len(edges)
+        self._head = encoding.head, len(edges)
         self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
-        self._stamp_type = np.dtype([('sec', encoding.STAMP[:2]), ('nanosec', '<I')])
+        self._stamp_type = np.dtype([('sec', f'<{encoding.stamp[0]}'), ('nanosec', '<I')])
 
     def read(self, data: bytes) -> Optional[Parts]:
         if len(data) < self._struct.size:
@@ -114,11 +94,11 @@ class KnownLayouts:
 class MessageReader:
     """Reads the messages of a topic."""
 
-    def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = cdr
+    def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = CDR
                  ) -> None:
         self._on_malformed, self._unpack = on_malformed, encoding.unpack
         self._layouts = KnownLayouts(encoding)
-        self._unpack_stamp = struct.Struct(encoding.STAMP).unpack
+        self._unpack_stamp = struct.Struct(f'<{encoding.stamp}').unpack
 
     def read(self, messages: Iterable[bytes], authority: str, is_static: bool
              ) -> list[BatchOrRows]:

@@ -11,6 +11,7 @@ from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Pose, Row
 from puretf._wire import cdr
+from puretf._wire.encoding import CDR
 from puretf._wire.message_reader import MessageReader
 from puretf.bag import Headers
 from puretf_tools.doctor.observation import Observation
@@ -33,10 +34,10 @@ class Message(NamedTuple):
     publisher: str
     is_static: bool
     data: bytes
-    encoding: Any = cdr
+    encoding: Any = CDR
 
     def rows(self) -> list[Row]:
-        return cdr.unpack(self.data)
+        return CDR.unpack(self.data)
 
 
 class Sender(NamedTuple):

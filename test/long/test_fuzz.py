@@ -8,7 +8,7 @@ import sys
 from environment import ROOT
 import pytest
 
-from puretf._wire import cdr
+from puretf._wire.encoding import CDR
 
 pytest.importorskip('bags')
 import fuzz
@@ -43,7 +43,7 @@ def copy_of_the_package(path):
     for name in 'test/support', 'test/data', 'dummy_arm', 'puretf', 'puretf_tools':
         shutil.copytree(ROOT / name, path / name, ignore=shutil.ignore_patterns(
             'fuzz', '__pycache__'))
-    decoder = path / 'puretf' / '_wire' / 'cdr.py'
+    decoder = path / 'puretf' / '_wire' / 'encoding.py'
     text = decoder.read_text()
     right = "field.partition(b'\\0')[0].decode"
     assert text.count(right) == 1
@@ -64,7 +64,7 @@ def test_a_fault_is_found_and_repeated(tmp_path):
     pytest.importorskip('atheris')
     broken, path = copy_of_the_package(tmp_path), str(tmp_path)
     for data in fuzz.target('cdr').seeds():
-        assert not any('\0' < name[:1] < ' ' for row in cdr.unpack(data) for name in row[1:3])
+        assert not any('\0' < name[:1] < ' ' for row in CDR.unpack(data) for name in row[1:3])
     code, output = run(broken, 'cdr', str(tmp_path / 'corpus'), '-max_total_time=60',
                        PYTHONPATH=path)
     assert code != 0, output

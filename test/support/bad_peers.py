@@ -25,6 +25,7 @@ from std_msgs.msg import String
 from puretf import TFMessage
 from puretf._core.pose import Row
 from puretf._wire import cdr
+from puretf._wire.encoding import CDR
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -190,7 +191,7 @@ def fight(peer):
     stamps: list[int] = []
 
     def note(data):
-        stamps.extend(row.stamp_ns for row in cdr.unpack(data) if row.child_frame_id == 'joint_3')
+        stamps.extend(row.stamp_ns for row in CDR.unpack(data) if row.child_frame_id == 'joint_3')
 
     peer.node.create_subscription(TFMessage, '/tf', note, 100, raw=True)
     for _ in peer.rounds(500):

@@ -27,8 +27,8 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from puretf import TransformBuffer
 from puretf._core.pose import Row
-from puretf._wire import cdr, ros1
-from puretf._wire.cdr import MalformedMessage
+from puretf._wire import cdr
+from puretf._wire.encoding import CDR, MalformedMessage, ROS1
 from puretf.bag import BagError, read
 from puretf.bag import open as open_bag
 from puretf_tools.robot.descriptions import parsed
@@ -164,12 +164,12 @@ def check_cdr(data: bytes) -> None:
     """Read a message of ROS 2, and compare the values with those of rosbags and of Fast CDR."""
     try:
         ours = [Fields(*each[:2], each[2:4], struct.pack('<7d', *each[4]))
-                for each in cdr.fields(data)]
+                for each in CDR.fields(data)]
     except MalformedMessage:
         # The other way round: of plain CDR, nothing is refused that others read.
         assert _read_by_rosbags(data, 2, TF_BYTES) is None, 'rosbags reads it'
         return
-    assert cdr.unpack(data) or not ours
+    assert CDR.unpack(data) or not ours
     answer = _read_by_rosbags(data, 2, TF_BYTES)
     assert answer, 'rosbags does not read it'
     raw = [_fields(each) for each in answer[0]]
@@ -295,21 +295,21 @@ def check_ros1(data: bytes) -> None:
     """Read a message of ROS 1, and compare the values with those of rosbags."""
     answer = _read_by_rosbags(data, 1, TF_BYTES)
     try:
-        rows = ros1.unpack(data)
+        rows = ROS1.unpack(data)
     except MalformedMessage:
         assert answer is None, 'rosbags reads it'
         return
     assert answer, 'rosbags does not read it'
     raw = [_fields(each) for each in answer[0]]
     stamps = [each.header.stamp for each in answer[0]]
-    # Rules: seconds are unsigned, which rosbags reads as signed; a name may have any byte, also
-    # NUL; what is not valid UTF-8 is replaced; bytes after the end are ignored.
+    # Rules: seconds are unsigned, which rosbags reads as signed; a name ends at its first NUL;
+    # what is not valid UTF-8 is replaced; bytes after the end are ignored.
     assert [(row.stamp_ns, row.frame_id, row.child_frame_id, struct.pack('<7d', *row.pose))
             for row in rows] == [
         (stamp.sec % 2**32 * S + stamp.nanosec,
-         *(name.decode('utf-8', 'replace') for name in each.names), each.pose)
+         *map(_text, each.names), each.pose)
         for stamp, each in zip(stamps, raw)]
-    if not any('\ufffd' in name for row in rows for name in row[1:3]):
+    if not any('\ufffd' in name.decode('utf-8', 'replace') for each in raw for name in each.names):
         answer = _read_by_rosbags(data, 1, TF)
         assert answer, 'rosbags does not read its strings'
         assert [_fields(each) for each in answer[0]] == raw

@@ -10,8 +10,7 @@ import pytest
 
 from puretf._core.pose import BatchOrRows, Row
 from puretf._text.names import TF_MESSAGE
-from puretf._wire import cdr, ros1
-from puretf._wire.cdr import Fields
+from puretf._wire.encoding import CDR, Fields, ROS1
 from puretf._wire.message_reader import MessageReader
 from puretf.bag import BagMessage, Headers, Topic
 
@@ -52,7 +51,7 @@ class ArrivedMessages:
 
 
 def recorded(time: int, data: bytes, is_static: bool = False, publisher: str = '',
-             encoding: Any = cdr) -> BagMessage:
+             encoding: Any = CDR) -> BagMessage:
     """Return a message as `Bag.messages` returns it; the time in ns."""
     topic = Topic('/tf', TF_MESSAGE, encoding, publisher, is_static, False, Headers(), True, True,
                   True)
@@ -71,10 +70,10 @@ def golden_rows(case: dict[str, Any]) -> list[Row]:
             for sec, nanosec, parent, child, pose in golden_fields(case)]
 
 
-def written(rows: list[Row], order: str = '<', encoding: Any = cdr,
+def written(rows: list[Row], order: str = '<', encoding: Any = CDR,
             stamps: Optional[list[tuple[int, int]]] = None) -> bytes:
     """Serialize transforms in a byte order, by the struct module only; `stamps`: sec, nanosec."""
-    is_ros1, body = encoding is ros1, struct.pack(f'{order}I', len(rows))
+    is_ros1, body = encoding is ROS1, struct.pack(f'{order}I', len(rows))
     for (sec, nanosec), (_, *names, pose) in zip(
             stamps or [divmod(row.stamp_ns, 10**9) for row in rows], rows):
         body += bytes(4) if is_ros1 else bytes(-len(body) % 4)

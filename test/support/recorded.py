@@ -4,6 +4,7 @@ import struct
 
 from puretf._core.pose import Row
 from puretf._wire import cdr
+from puretf._wire.encoding import CDR
 from puretf.bag import Headers
 from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.tf_statistics import Statistics
@@ -16,7 +17,7 @@ _STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 class Recorded:
     """A message of TF."""
 
-    publisher, encoding = '/robot', cdr
+    publisher, encoding = '/robot', CDR
 
     def __init__(self, time, is_static, *rows):
         """Serialise transforms; `time`: the arrival (ns)."""
@@ -24,7 +25,7 @@ class Recorded:
 
     def rows(self):
         """Return the transforms."""
-        return cdr.unpack(self.data)
+        return CDR.unpack(self.data)
 
 
 def tf(arrival, stamp, *edges, is_static=False, x=0.0):

@@ -16,7 +16,8 @@ import pytest
 from puretf import TransformBuffer
 from puretf._core.engine import engine_of
 from puretf._core.pose import Batch, Row
-from puretf._wire import cdr, ros1
+from puretf._wire import cdr
+from puretf._wire.encoding import CDR, MalformedMessage, ROS1
 from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
@@ -76,7 +77,7 @@ def test_padding_and_what_follows_are_no_matter():
     ones = bytearray(data)
     # Two bytes of padding follow 'a\0'; two and four bytes follow 'bcdef\0'.
     ones[22:24] = b'\xff\xff'
-    assert cdr.unpack(bytes(ones)) == rows
+    assert CDR.unpack(bytes(ones)) == rows
     reader = MessageReader(fail_on_error)
     for message in data, bytes(ones), data:
         unknown, found = read(reader, message)
@@ -102,7 +103,7 @@ def test_a_layout_is_of_all_names():
 def test_malformed_messages_are_reported_and_the_others_inserted():
     """Each malformed message is reported by an error whose text begins with its kind."""
     good = cdr.pack([Row(T * S, 'a', 'b', STILL)])
-    errors: list[cdr.MalformedMessage] = []
+    errors: list[MalformedMessage] = []
     buffer, reader = TransformBuffer(), MessageReader(errors.append)
     bad = [b'', b'\0\1\0\0', good[:-1], good[:30], b'\0\7' + good[2:],
            good[:4] + b'\xff\xff\xff\xff' + good[8:], b'\0\1\0\0' + bytes(3)]
@@ -155,7 +156,7 @@ def batches(draw):
     return made
 
 
-@pytest.mark.parametrize('encoding', [cdr, ros1])
+@pytest.mark.parametrize('encoding', [CDR, ROS1])
 @given(made=batches())
 def test_messages_are_inserted_as_their_transforms_one_by_one(encoding, made):
     """The samples, parents, static frames and expiry are the same for any messages."""

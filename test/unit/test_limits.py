@@ -14,7 +14,8 @@ import pytest
 from puretf import TransformBuffer, TransformException
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
-from puretf._wire import cdr, ros1
+from puretf._wire import cdr
+from puretf._wire.encoding import CDR, ROS1
 from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
@@ -220,7 +221,7 @@ def test_a_name_may_have_1024_bytes(name, is_accepted, logs):
             assert len(text) < 900
 
 
-@pytest.mark.parametrize('form', [cdr, ros1])
+@pytest.mark.parametrize('form', [CDR, ROS1])
 def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
     """They are refused in messages with a known layout, too."""
     buffer, reader = TransformBuffer(), MessageReader(fail_on_error, form)

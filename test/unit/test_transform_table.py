@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from puretf._core.pose import Row
-from puretf._wire import cdr, ros1
+from puretf._wire import cdr
+from puretf._wire.encoding import CDR, ROS1
 from puretf.transform_table import transform_tables
 
 S = 10**9
@@ -35,12 +36,12 @@ def by_child(found):
     return groups
 
 
-@pytest.mark.parametrize('encoding', [cdr, ros1])
+@pytest.mark.parametrize('encoding', [CDR, ROS1])
 @given(messages=MESSAGES, repeats=st.integers(1, 3))
 def test_as_rows(messages, repeats, encoding):
     """Per publisher, topic and child, the transforms are those of the messages, in order."""
     contents = [
-        recorded(time, written(rows, order if encoding is cdr else '<', encoding), is_static,
+        recorded(time, written(rows, order if encoding is CDR else '<', encoding), is_static,
                  publisher, encoding)
         for time, rows, is_static, publisher, order in messages * repeats]
     errors: list[ValueError] = []
@@ -99,8 +100,8 @@ def test_negative_stamps():
     message = recorded(1, cdr.pack([Row(-3 * S + 5, 'map', 'odom', (0.0,) * 7)]))
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[-3 * S + 5]] * 2
-    message = recorded(1, written([Row(2**31 * S, 'map', 'odom', (0.0,) * 7)], encoding=ros1),
-                       encoding=ros1)
+    message = recorded(1, written([Row(2**31 * S, 'map', 'odom', (0.0,) * 7)], encoding=ROS1),
+                       encoding=ROS1)
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[2**31 * S]] * 2
 
