@@ -61,13 +61,15 @@ def _walk(tree: FrameTree, target: str, source: str, time: int) -> tuple[list[st
     while frame != top and (history := tree.histories[frame]) is not None:
         parent = history.parent_at(time)
         if parent is None:
+            if not time:  # the frame was cleared
+                break
             raise failures.extrapolation(tree, frame, time, target, source)
         if frame == source:
             return [], from_target
         _append(tree, from_target, frame)
         frame = parent
     if frame != top:
-        if stopped_at is not None:
+        if time and stopped_at is not None:
             raise failures.extrapolation(tree, stopped_at, time, target, source)
         raise failures.unconnected(tree, target, source, time or END)
     while from_source and from_target and from_source[-1] == from_target[-1]:
@@ -85,21 +87,7 @@ def latest_common_time(tree: FrameTree, target: str, source: str) -> int:
     if source == target:
         history = tree.histories[source]
         return history.latest if history else 0
-    from_source: list[str] = []
-    # The number of edges from the source frame up to itself and each of its ancestors.
-    depths = {source: 0}
-    for child, parent in _ancestors(tree, source):
-        _append(tree, from_source, child)
-        if parent == target:
-            return Path(_edges(tree, from_source), []).latest_common_time()
-        depths[parent] = len(from_source)
-    from_target: list[str] = []
-    for child, parent in _ancestors(tree, target):
-        _append(tree, from_target, child)
-        if parent in depths:
-            path = Path(_edges(tree, from_source[:depths[parent]]), _edges(tree, from_target))
-            return path.latest_common_time()
-    raise failures.unconnected(tree, target, source)
+    return path(tree, target, source, 0).latest_common_time()
 
 
 class PathEdge(NamedTuple):
@@ -156,13 +144,6 @@ def _periods(tree: FrameTree, target: str, source: str
                 if isinstance(history := tree.histories[frame], History)]
     if not is_connected:
         raise failures.unconnected(tree, target, source)
-
-
-def _ancestors(tree: FrameTree, frame: str) -> Iterator[tuple[str, str]]:
-    """Yield (frame, newest parent) of a frame and each ancestor; follow a loop without end."""
-    while (history := tree.histories[frame]) and (parent := history.parent_at(0)):
-        yield frame, parent
-        frame = parent
 
 
 def has_no_loop_above(tree: FrameTree, frame: str) -> bool:
