@@ -127,7 +127,7 @@ class Engine:
         with self.lock:
             if not is_held:
                 if self._is_changing:  # the change was interrupted
-                    self.insertion.mend()
+                    self.insertion.drop(self.tree.mend)
                     self._is_changing = False
                 for source in self._sources:
                     if batches := source.take():
@@ -199,12 +199,13 @@ class Engine:
         self.update_for_user()  # so that messages that have arrived are removed, too
         with self.lock:
             failures.check(self.tree, name, 'remove')
-            self._change(self.insertion.remove, name)
+            self._change(self.insertion.drop, self.tree.remove, name)
 
     def clear(self) -> None:
         self.update_for_user()  # so that messages that have arrived are removed, too
         with self.lock:
-            self._change(self.insertion.clear)
+            self.insertion.log.forget()
+            self._change(self.insertion.drop, self.tree.clear)
 
     def _change(self, change: Callable[..., _Result], *arguments: Any) -> _Result:
         """Call a function that changes the data; the lock is held."""

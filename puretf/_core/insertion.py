@@ -1,12 +1,12 @@
 """Insertion of transforms into a tree of frames, after normalisation and checks."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 import math
 import struct
 import sys
 from time import monotonic_ns
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
 
@@ -155,24 +155,9 @@ class Insertion:
                                                batch.authority, False)
         return is_accepted
 
-    def remove(self, name: str) -> None:
-        """Remove the samples of a frame; its name stays while it is a parent."""
-        self._tree.remove(name)
-        self._update_caches()
-
-    def clear(self) -> None:
-        """Remove all dynamic transforms, and forget which frames there was a warning of."""
-        self.log.forget()
-        self._tree.clear()
-        self._update_caches()
-
-    def mend(self) -> None:
-        """Drop the histories that an interrupted insertion has left inconsistent."""
-        self._tree.mend()
-        self._update_caches()
-
-    def _update_caches(self) -> None:
-        """Forget the kept paths, and count the samples."""
+    def drop(self, method: Callable[..., None], *arguments: Any) -> None:
+        """Call a method of the tree that drops samples; count those that are left."""
+        method(*arguments)
         self._lookups.paths.clear()
         self._room = self._max_samples - sum(
             len(history) for history in self._tree.histories.values()
@@ -182,15 +167,10 @@ class Insertion:
         """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""
         of_frame, of_buffer = len(history) - self._max_samples_per_frame, -self._room
         surplus = max(of_frame, min(of_buffer, len(history) - 1))
-        if surplus <= 0:  # each frame keeps a sample
-            return
-        history.is_full = True
-        history.drop_before(history.start + surplus)
-        self._room += surplus
-        for cause, is_reached, limit in (
-                ('TF_TOO_MANY_SAMPLES', of_frame > 0, f'at most {self._max_samples_per_frame} are '
-                 'kept of one frame with this cache time'),
-                ('TF_FULL_BUFFER', of_buffer > of_frame, 'max_samples of the buffer allows '
-                 f'{self._max_samples} dynamic transforms')):
-            if is_reached:
-                self.log.warn_once(cause, texts.too_many_samples(cause, child, authority, limit))
+        if surplus > 0:  # each frame keeps a sample
+            history.is_full = True
+            history.drop_before(history.start + surplus)
+            self._room += surplus
+            self.log.warn_once('too many samples', texts.too_many_samples(
+                child, authority, min(self._max_samples_per_frame, self._max_samples),
+                self._max_samples))

@@ -91,9 +91,11 @@ def too_long_name(child: str, what: str, name: str, longest: int, authority: str
             f'has {size} bytes; at most {longest} are allowed')
 
 
-def too_many_samples(code: str, child: str, authority: str, limit: str) -> str:
-    return (f'{code}: Dropping the oldest transforms of {_of(child, authority)} before the cache '
-            f'time is over: {limit}. Those of other frames are dropped, too, if they are too many')
+def too_many_samples(child: str, authority: str, of_frame: int, of_buffer: int) -> str:
+    return ('TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of '
+            f'{_of(child, authority)} before the cache time is over: at most {of_frame} are kept '
+            f'of one frame with this cache time, and max_samples allows {of_buffer} in all. Those '
+            'of other frames are dropped, too, if they are too many')
 
 
 def expired(child: str, count: int, total: int, cache_time: int) -> str:

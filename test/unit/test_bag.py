@@ -290,7 +290,7 @@ def test_a_bag_has_no_limit_of_samples_unless_asked(tmp_path, logs):
     assert [frame.length for frame in read(path, cache_time=S // 100).frames()] == [700, 700]
     assert not logs
     assert sum(frame.length for frame in read(path, max_samples=100).frames()) <= 101
-    assert 'TF_FULL_BUFFER' in messages(logs)
+    assert 'TF_TOO_MANY_SAMPLES' in messages(logs)
 
 
 @pytest.mark.parametrize('kind', ['db3', 'mcap', 'mcap storage'])
