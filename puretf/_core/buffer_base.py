@@ -8,12 +8,11 @@ from typing import Any, Literal, NoReturn, Optional, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from puretf._core import frames, texts
+from puretf._core import frames, search, texts
 from puretf._core.composition import matrices
 from puretf._core.engine import Engine
 from puretf._core.frames import Frame
 from puretf._core.pose import Pose
-from puretf._core.search import PathEdge
 from puretf._core.times import int64_times, nanoseconds_or_int
 from puretf._core.velocity import twist
 from puretf._text.times import SECOND
@@ -282,9 +281,9 @@ class BufferBase:
         :raises TypeError: if a frame is not a str.
         """
         with self._engine.reading():
-            return self._engine.lookups.stamps(target_frame, source_frame)
+            return search.stamps(self._engine.tree, target_frame, source_frame)
 
-    def path_edges(self, target_frame: str, source_frame: str) -> list[PathEdge]:
+    def path_edges(self, target_frame: str, source_frame: str) -> list[search.PathEdge]:
         """
         Return the dynamic edges on the path between two frames, each with its stamps.
 
@@ -298,7 +297,7 @@ class BufferBase:
         :raises TypeError: if a frame is not a str.
         """
         with self._engine.reading():
-            return self._engine.lookups.path_edges(target_frame, source_frame)
+            return search.path_edges(self._engine.tree, target_frame, source_frame)
 
     def frame_names(self) -> list[str]:
         """Return the names of all frames, roots included, in the order of their first use."""

@@ -157,14 +157,6 @@ class Lookups:
             failures.check(self.tree, name, 'get_latest_common_time')
         return search.latest_common_time(self.tree, target, source)
 
-    def stamps(self, target: str, source: str) -> NDArray[np.int64]:
-        failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
-        return search.stamps(self.tree, target, source)
-
-    def path_edges(self, target: str, source: str) -> list[search.PathEdge]:
-        failures.check_for_lookup(self.tree, target_frame=target, source_frame=source)
-        return search.path_edges(self.tree, target, source)
-
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
         time = time or search.latest_common_time(self.tree, target, source)
@@ -189,16 +181,9 @@ class Lookups:
 
     def _all_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
                    ) -> dict[str, tuple[int, Pose]]:
+        """Walk the tree from a target frame, breadth first, and compute the pose of each frame."""
         if target not in self.tree.histories:
             failures.check(self.tree, target, 'lookup_all')
-        history, poses = self.tree.histories[target], self._timed_poses(edges, target, until)
-        if history is not None:
-            poses[target] = min(until, history.latest) if until else history.latest, IDENTITY
-        return {name: (time, pose) for name, (time, pose) in poses.items() if pose is not None}
-
-    def _timed_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
-                     ) -> dict[str, _TimedPose]:
-        """Walk the tree from a target frame, breadth first, and compute the pose of each frame."""
         poses: dict[str, _TimedPose] = {target: (0, IDENTITY)}
         names = [target]
         for name in names:
@@ -223,4 +208,6 @@ class Lookups:
                     # The walk goes on, because frames beyond `other` may have a pose at an earlier
                     # time, at which the path to them was different.
                     pass
-        return poses
+        if (history := self.tree.histories[target]) is not None:
+            poses[target] = min(until, history.latest) if until else history.latest, IDENTITY
+        return {name: (time, pose) for name, (time, pose) in poses.items() if pose is not None}

@@ -102,6 +102,7 @@ class PathEdge(NamedTuple):
 
 
 def path_edges(tree: FrameTree, target: str, source: str) -> list[PathEdge]:
+    failures.check_for_lookup(tree, target_frame=target, source_frame=source)
     return [PathEdge(str(edge.parent_near(begin)), child, begin, end - 1,
                      edge.stamps_around(begin, end))
             for begin, end, edges in _periods(tree, target, source) for child, edge in edges]
