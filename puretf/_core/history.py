@@ -4,7 +4,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from copy import copy
-from math import acos, sin
+from math import acos, log, sin
 from operator import index, itemgetter
 import struct
 from time import monotonic_ns
@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from puretf._core.frames import Frame
 from puretf._core.pose import Columns, Pose, POSE_BYTES
-from puretf._core.slerp import interpolate_columns
 from puretf._text.times import SECOND
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
 #: them.
 MAX_SAMPLES_PER_STAMP = 100
+#: If all dot products are larger than this number (rotations of less than 16 degrees), a series
+#: replaces sin and acos, which take longer.
+_SERIES = 0.99
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
@@ -322,7 +324,7 @@ class History:
             # traceback of an exception would keep the arrays in `stamps` and `columns` alive, so
             # delete these variables.
             del stamps, columns
-        return interpolate_columns(pairs, neighbours.ratios)
+        return _interpolate_columns(pairs, neighbours.ratios)
 
     def parent_of(self, index: int) -> str:
         return self.only_parent if self.parents is None else self.parents[index]
@@ -368,6 +370,62 @@ class History:
                 'stamps': self.stamps[self.start:].tolist(),
                 'poses': [list(self.pose(i)) for i in indices],
                 'authority': self.authority, 'is_static': False, 'arrived': self.arrived}
+
+
+def _interpolate_columns(pairs: Columns, ratios: NDArray[np.float64]) -> Columns:
+    """
+    Interpolate between the two poses of n pairs, as `History.pose_at` does for one pair.
+
+    :param pairs: seven arrays of shape (2, n), which are overwritten.
+    :param ratios: (2, n) from 1, 0 (the first pose) to 0, 1 (the second pose).
+    """
+    x, y, z, qx, qy, qz, qw = pairs
+    weights = _weights(qx, qy, qz, qw, ratios)
+    return (_weighted(x, ratios), _weighted(y, ratios), _weighted(z, ratios),
+            _weighted(qx, weights), _weighted(qy, weights), _weighted(qz, weights),
+            _weighted(qw, weights))
+
+
+def _weighted(pair: Any, weights: NDArray[np.float64]) -> Any:
+    pair *= weights
+    return pair[0] + pair[1]
+
+
+def _weights(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]) -> Any:
+    """
+    Return the (2, n) weights of the two quaternions of n pairs.
+
+    sin(s p) / sin(p) is a series in u = 1 - cos(p), with the divisors j (2 j + 1):
+
+        s (1 + (1 - s^2) u / 3 (1 + (4 - s^2) u / 10 (1 + (9 - s^2) u / 21 (1 + ...)))).
+
+    See D. Eberly, A Fast and Accurate Algorithm for Computing SLERP, J. Graphics, GPU, and Game
+    Tools 15 (2011). The terms after the one with u^k are less than (u / 2)^(k + 1), for both
+    weights together. The smallest k is used for which this is less than 1e-13.
+    """
+    cosine = x[0] * x[1] + y[0] * y[1] + z[0] * z[1] + w[0] * w[1]
+    smallest = cosine.min()
+    sign: Any = 1.0
+    weights: Any = 1.0
+    if smallest < 0.0:
+        sign = np.where(cosine < 0.0, -1.0, 1.0)
+        cosine *= sign
+    if smallest > _SERIES:
+        u = 1.0 - cosine
+        squares = ratios * ratios
+        k = int(log(1e-13) / log(max(1.0 - smallest, 1e-9) / 2.0))
+        for j in range(k, 0, -1):
+            weights = weights * (j * j - squares)
+            weights *= u / (j * (2 * j + 1))
+            weights += 1.0
+        weights *= ratios
+    else:
+        weights = np.sin(np.arccos(cosine) * ratios)
+        weights /= np.sqrt((1.0 - cosine) * (1.0 + cosine))
+        weights[1] *= sign
+    same = cosine >= 1.0  # as in `History.pose_at`: the first pose
+    weights[0][same], weights[1][same] = 1.0, 0.0
+    return weights
 
 
 class StaticHistory:
