@@ -238,6 +238,17 @@ class Bag(AbstractContextManager['Bag']):
         return buffer
 
     def _records(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
+        """Yield the messages; what cannot be read is an error, with a remedy if one helps."""
+        try:
+            yield from self._found(contents, start, stop)
+        except BagError as error:
+            path, namespace, partial, limit = self._about
+            rest = Contents(path, namespace, True, limit, True, others=contents.others)
+            if partial or not contents.damage or next(self._found(rest), None) is None:
+                raise
+            raise BagError(f'{error} partial=True reads what is left') from None
+
+    def _found(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
         from puretf._bag.files import records
         from puretf._bag.unpacking import too_large, unpacked
         limit, last = contents.max_bytes, 0

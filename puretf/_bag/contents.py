@@ -54,10 +54,10 @@ class Contents:
                  headers: bool = False, others: Collection[Other] = ()) -> None:
         """Find nothing yet; see `Bag.messages`."""
         self._path, self._partial, self.max_bytes = path, partial, max_bytes
-        self.file, self.remedy = path, ''  #: what is being read, and how if it is damaged
+        self.file = path  #: what is being read
         self._namespace = namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
-        self._tf, self._headers, self._others = tf, headers, others
+        self._tf, self._headers, self.others = tf, headers, others
         self.topics: dict[tuple[str, str], Topic] = {}  #: by name and type
         self._of_node: dict[tuple[Topic, str], Topic] = {}
         #: When the first and the last message were recorded (ns); (0, 0): there is none.
@@ -78,12 +78,12 @@ class Contents:
         topic = self.topics.get((name, msgtype))
         if topic is None:
             form = ROS1 if encoding == 'ros1' else CDR
-            is_tf, is_named = msgtype in _TF_TYPES, name in self._others
+            is_tf, is_named = msgtype in _TF_TYPES, name in self.others
             is_static = self._is_static.get(name) if is_tf else None
             has_header = (self._headers or is_named) and not is_tf and (
                 name not in self._is_static and _begins_with_header(msgtype, definition))
             is_wanted = (self._tf and is_static is not None) or is_named or (
-                msgtype, name.rpartition('/')[2]) in self._others
+                msgtype, name.rpartition('/')[2]) in self.others
             topic = self.topics[name, msgtype] = Topic(
                 name, msgtype, form, publisher, is_static, has_header, Headers(form), is_tf,
                 is_wanted, is_wanted or bool(has_header))
@@ -104,12 +104,10 @@ class Contents:
         if isinstance(error, BagError):
             raise error
         text = error_line(error)
+        self.damage.append(f'{visible(str(self.file))}: {text}')
         if not self._partial:
             name = '' if self.file == self._path else f'{visible(self.file.name)}: '
-            remedy = self.remedy or (name and 'partial=True reads the other files')
-            raise BagError(
-                f'{self._path} cannot be read: {name}{text} {remedy}'.rstrip()) from None
-        self.damage.append(f'{visible(str(self.file))}: {text}')
+            raise BagError(f'{self._path} cannot be read: {name}{text}') from None
         self.has_lost = True
 
     def wrong_types(self) -> str:

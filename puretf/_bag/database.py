@@ -68,4 +68,4 @@ def _messages(database: sqlite3.Connection, topics: dict[int, Topic], contents: 
 
 def _wrong_row(values: str) -> ValueError:
     return ValueError(f'its table messages has {abbreviated(values)}, not a topic of its table '
-                      'topics and nanoseconds from 0 on; the program sqlite3 can delete such rows')
+                      'topics and nanoseconds from 0 on')

@@ -24,9 +24,9 @@ _Reader = Callable[[Path, Contents], Iterator[Item]]
 def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirectory[str]]
             ) -> Iterator[Item]:
     """Yield the messages of a file that are read; `copies`: the decompressed copies of files."""
-    contents.file, contents.remedy = path, ''
+    contents.file = path
     try:
-        read, contents.remedy = _format_of(path)
+        read = _format_of(path)
         if read is not None:
             yield from read(path, contents)
             return
@@ -38,21 +38,21 @@ def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirector
             except Exception as error:  # what has been decompressed is read
                 contents.add_damage(error)
         whole = Path(copies[path].name, 'whole')
-        read, contents.remedy = _format_of(whole)
+        read = _format_of(whole)
         for item in read(whole, contents) if read else ():
             yield (1 + item) / 2 if isinstance(item, float) else item
     except Exception as error:  # the libraries raise errors of many types
         contents.add_damage(error)
 
 
-def _format_of(path: Path) -> tuple[Optional[_Reader], str]:
+def _format_of(path: Path) -> Optional[_Reader]:
     if not path.is_file():  # the end of a pipe might never be reached
         raise ValueError('it is no file' if path.exists() else 'it is missing')
     with path.open('rb') as file:
         beginning = file.read(16)
-    for magic, (read, remedy) in _FORMATS.items():
+    for magic, read in _FORMATS.items():
         if beginning.startswith(magic):
-            return read, remedy
+            return read
     raise ValueError('it is not a bag: ' + (
         'it is a Git LFS pointer: git lfs pull' if beginning == b'version https://' else
         BAG_DEFINITION if beginning else 'it is empty'))
@@ -76,15 +76,12 @@ def _records_of_ros1(path: Path, contents: Contents) -> Iterator[Item]:
         raise ValueError(f'its index announces {total} messages, but {number} were found')
 
 
-_PARTIAL = 'If it is damaged or cut off, partial=True reads what is left'
-#: The formats, by the first bytes of a file: what reads it, and what to do if it cannot be read.
-_FORMATS: dict[bytes, tuple[Optional[_Reader], str]] = {
-    b'\x89MCAP0\r\n': (lambda path, contents: McapFile(path, contents).records(), _PARTIAL),
-    b'SQLite format 3\0': (records_of_database, 'If it is damaged, the command .recover of the '
-                           'program sqlite3 may help'),
-    b'#ROSBAG V': (_records_of_ros1, 'If it is damaged, cut off or from before 2011, rosbag '
-                   'reindex of ROS 1 may help'),
-    ZSTD: (None, _PARTIAL)}  # a file that is compressed as a whole
+#: The formats, by the first bytes of a file, and what reads it.
+_FORMATS: dict[bytes, Optional[_Reader]] = {
+    b'\x89MCAP0\r\n': lambda path, contents: McapFile(path, contents).records(),
+    b'SQLite format 3\0': records_of_database,
+    b'#ROSBAG V': _records_of_ros1,
+    ZSTD: None}  # a file that is compressed as a whole
 
 
 def decoded(data: bytes, msgtype: str, encoding: Encoding) -> Any:

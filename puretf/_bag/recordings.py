@@ -128,7 +128,8 @@ def resolved(recording: Recording) -> Recording:
 
 def error_line(error: Exception) -> str:
     """Return the text of an error, or its type, in one line that ends with one period."""
-    text = visible(' '.join(str(error).split())) or (
+    # rosbags appends the arguments of another error, as a tuple.
+    text = visible(' '.join(str(error).split()).partition(": ('")[0]) or (
         f'it is not as the library that reads it expects ({type(error).__name__})')
     return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
 

@@ -483,18 +483,18 @@ def is_a_part(buffer):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_truncated_file(tmp_path, kind):
-    """A truncated file is an error, whose text has a remedy for the format."""
+    """A truncated file is an error, in one line; the remedy is named only where it helps."""
     path = bags.make(tmp_path, kind, bags.walk(20, 100))
     file = bags.file_of(path)
     whole = file.read_bytes()
     for tenth in 1, 4, 7, 9:
         file.write_bytes(whole[:len(whole) * tenth // 10])
         error = outcome(path)
-        assert re.match(re.escape(str(path)) + r' (cannot be read: .*\.|is not a bag: )', error)
-        assert '\n' not in error
-        remedies = {'ba': 'rosbag reindex', 'db': '.recover of the program sqlite3'}
-        assert remedies.get('' if kind.endswith('file') else kind[:2],
-                            'partial=True reads what is left') in error
+        assert re.fullmatch(re.escape(str(path)) + r' cannot be read: [^(\n]*\.'
+                            '( partial=True reads what is left)?', error)
+        left = outcome(path, partial=True)
+        assert isinstance(left, list) == error.endswith('left'), left
+        assert kind.startswith('mcap') or not isinstance(left, list)
 
 
 @pytest.mark.parametrize('kind', [kind for kind in KINDS if kind.startswith('mcap')])
@@ -566,8 +566,8 @@ def test_zeros_at_the_end(tmp_path, logs):
     """A file system may leave zeros at the end of a file after a crash."""
     path = bags.mcap(tmp_path / 'x.mcap', HEADER)
     path.write_bytes(path.read_bytes()[:-50] + bytes(10_000))
-    assert 'cannot be read: it ends too early. If it is damaged or cut off, partial=True' in (
-        outcome(path))
+    assert outcome(path).endswith(
+        'cannot be read: it ends too early. partial=True reads what is left')
     assert outcome(path, partial=True) == ['before']
     assert str(path) in messages(logs)
 
@@ -611,7 +611,7 @@ def changed_database(folder, *statements):
 @pytest.mark.parametrize(('change', 'why'), [
     *((f'UPDATE messages SET timestamp = {value} WHERE id = {number}',
        f'its table messages has {shown}, not a topic of its table topics and nanoseconds from 0 '
-       'on; the program sqlite3 can delete such rows. If it is damaged, ') for number, value, shown
+       'on.') for number, value, shown
       in [(1, '9e999', 'times from 100001000000 to inf'),
           (1, '-5', 'times from -5 to 103001000000'),
           (3, 'NULL', 'the topic 2 and the time None'),
@@ -621,11 +621,11 @@ def changed_database(folder, *statements):
     ("UPDATE topics SET id = '1; 2'", "its table topics has the row ('1; 2', "),
     ("UPDATE topics SET name = X'41' WHERE id = 1", "its table topics has the row (1, b'A', "),
     *((f'ALTER TABLE {table} RENAME COLUMN {column} TO other',
-       f'it is no database of rosbag2 (no such column: {column}). If') for table, column in [
+       f'it is no database of rosbag2 (no such column: {column}).') for table, column in [
           ('topics', 'id'), ('topics', 'type'), ('messages', 'timestamp')]),
-    ('DROP TABLE topics', 'it is no database of rosbag2 (no such table: topics). If')])
+    ('DROP TABLE topics', 'it is no database of rosbag2 (no such table: topics).')])
 def test_wrong_values_of_a_database(tmp_path, change, why):
-    """The error has the value and the remedy; with partial=True, no such value is taken."""
+    """The error has the value; with partial=True, no such value is taken."""
     path = changed_database(tmp_path, change)
     assert outcome(path).startswith(f'{path} cannot be read: {why}')
     with bag.open(path, partial=True) as found:
@@ -642,7 +642,7 @@ def test_a_database_whose_log_cannot_be_read(tmp_path):
     path.with_name(f'{path.name}-wal').symlink_to(bags.file_of(bags.make(tmp_path, 'mcap', [])))
     assert (f'{path} cannot be read: SQLite reports: unable to open database file. To read it '
             f'with {path.name}-wal, end the program that writes them, or copy both into a '
-            'directory in which you can write. If') in outcome(path)
+            'directory in which you can write.') in outcome(path)
 
 
 # Files of mcap that rosbags does not read, or reads in part
@@ -710,8 +710,8 @@ def test_a_bit_of_the_summary(tmp_path, logs, part):
     (start,) = struct.unpack_from('<Q', data, len(data) - 28)
     flipped(path, data.index(part, start) + len(part) - 1)
     assert outcome(path) == (
-        f'{path} cannot be read: the checksum of its summary is wrong. If it is damaged or cut '
-        'off, partial=True reads what is left')
+        f'{path} cannot be read: the checksum of its summary is wrong. partial=True reads what is '
+        'left')
     assert [frame.length for frame in read(path, partial=True).frames()] == [1, 6]
     assert 'the checksum of its summary is wrong' in messages(logs)
 
