@@ -1,7 +1,7 @@
 """Conversion of times and durations of ROS to nanoseconds."""
 
 from collections.abc import Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 from math import isfinite, nan
 from numbers import Integral, Real
 from operator import index
@@ -66,7 +66,11 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
 
 
 def _in_nanoseconds(time: Any) -> str:
-    """Return how a float is written in ns: one that is too large for seconds is in ns already."""
+    """Return how a time is written in ns: a float that is too large for seconds is in ns."""
+    if isinstance(time, datetime):
+        return f': write {round(time.timestamp() * 10**6) * 1000}'
+    if isinstance(time, timedelta):
+        return f': write {time // timedelta(microseconds=1) * 1000}'
     number = float(time) if isinstance(time, Real) else nan
     if not isfinite(number):
         return ''

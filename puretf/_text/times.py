@@ -41,5 +41,7 @@ def exact_time(time: Any) -> str:
 
 def _integer(time: Any) -> int:
     kind = getattr(getattr(time, 'dtype', None), 'kind', '')  # numpy need not be there
+    if time != time:
+        raise ValueError('time must be valid, got NaT')
     integer: int = int(time.astype(f'{kind}8[ns]')) if kind in ('M', 'm') else time
     return integer

@@ -17,9 +17,11 @@ def test_python_runs(start, bag_of_a_walk, block, request):  # noqa: F811
     lines = ['recorded at most 0.001 s'] * ('recorded at most' in block.code)
     if 'in robot.topics:' in block.code:
         lines = ['/tf_static tf2_msgs/msg/TFMessage 1', '/tf tf2_msgs/msg/TFMessage 101',
-                 '10.001 s in 1 part(s)', *lines]
+                 '/scan geometry_msgs/msg/PointStamped 36', '10.001 s in 1 part(s)', *lines]
+    elif "== '/scan'" in block.code:
+        lines = ['36 of 36 scans of base_link can be transformed']
     elif 'in robot.topics' in block.code:
-        lines = ['[]']  # the bag of the walk has no other topics
+        lines = ["['/scan']"]
     if 'end_effector' in block.code or 'joint_command' in block.code:
         start(*ARM).line_with('t = 0')
     if 'end_effector' in block.code:

@@ -112,7 +112,10 @@ def bag_of_a_walk(tmp_path: Path) -> Path:
             (directory / path.name).symlink_to(path)
     (directory / '.venv').symlink_to(sys.prefix)
     (directory / 'my_robots').mkdir()
-    (file,) = bags.make(directory / 'robot_bag', 'mcap', bags.walk()).glob('*.mcap')
+    scans = [('/scan', time, bags.point('base_link', time), 'geometry_msgs/msg/PointStamped')
+             for time in range(101 * bags.S, 110 * bags.S, bags.S // 4)]
+    (file,) = bags.make(
+        directory / 'robot_bag', 'mcap', [*bags.walk(), *scans]).glob('*.mcap')
     shutil.copyfile(file, directory / 'robot.mcap')
     for name in 'split/robot_0.mcap', 'recordings/a.mcap', 'recordings/b.mcap':
         (directory / name).parent.mkdir(exist_ok=True)

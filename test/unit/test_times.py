@@ -1,5 +1,6 @@
 """Conversion and display of times."""
 
+from datetime import datetime, timedelta, timezone
 import math
 from types import SimpleNamespace
 
@@ -31,9 +32,11 @@ def test_integers_are_times_where_that_cannot_be_mistaken():
 @pytest.mark.parametrize(('number', 'remedy'), [
     (0.5, '500000000'), (np.float32(0.5), '500000000'), (-2.0, '-2000000000'),
     (1.77e9, '1770000000000000000, or time.time_ns() for the present'),
-    (1.77e18, '1770000000000000000, or time.time_ns() for the present')])
-def test_a_float_is_refused(number, remedy):
-    """It is meant as seconds, such as those of time.time(); a very large one is in ns already."""
+    (1.77e18, '1770000000000000000, or time.time_ns() for the present'),
+    (datetime(2023, 11, 14, 22, 13, 20, 123456, timezone.utc), '1700000000123456000'),
+    (timedelta(seconds=-1, microseconds=2), '-999998000')])
+def test_a_float_or_a_datetime_is_refused(number, remedy):
+    """A float is meant as seconds, as of time.time(); a very large one is in ns already."""
     with pytest.raises(TypeError) as raised:
         nanoseconds_or_int(number)
     assert str(raised.value).partition(': write ')[2] == remedy
@@ -45,8 +48,10 @@ def test_times_of_numpy():
     assert nanoseconds_or_int(np.timedelta64(-20, 'ms')) == -20_000_000
     assert exact_time(np.datetime64('2023-11-14T22:13:20')) == '1700000000.000000000'
     assert in_seconds(np.timedelta64(-20, 'ms')) == -0.02
-    with pytest.raises(ValueError, match='time must be valid, got NaT'):
-        nanoseconds_or_int(np.datetime64('NaT'))
+    for convert in nanoseconds_or_int, exact_time, in_seconds:
+        for kind in np.datetime64, np.timedelta64:
+            with pytest.raises(ValueError, match='time must be valid, got NaT'):
+                convert(kind('NaT'))
 
 
 @pytest.mark.parametrize(('time', 'text'), [
