@@ -73,8 +73,9 @@ def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
 
 @_own_rule('time_in_seconds', 'Pass times in ns.', 'past', ['past'])
 def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
-    if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * SECOND <= facts.edge.latest:
-        yield Evidence(f'{facts.time} s is within the data, {facts.time} ns is not')
+    for unit, size in ('s', SECOND), ('ms', SECOND // 1000):
+        if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * size <= facts.edge.latest:
+            yield Evidence(f'{facts.time} {unit} is within the data, {facts.time} ns is not')
 
 
 @_own_rule('no_listener', 'Create a TransformListener.', 'missing_frame', ['missing'])

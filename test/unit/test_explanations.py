@@ -64,12 +64,13 @@ def test_an_error_survives_what_it_asks(buffer):
     assert str(error_of(buffer, T + 1)).endswith(FUTURE)
 
 
-@pytest.mark.parametrize(('time', 'is_told'), [
-    (T // S, True), (T // S - 1, True), (T // S - 2, False), (T // S + 1, False)])
-def test_a_time_in_seconds_is_told(buffer, time, is_told):
+@pytest.mark.parametrize('unit', ['s', 'ms'])
+@pytest.mark.parametrize(('seconds', 'is_told'), [(0, True), (-1, True), (-2, False), (1, False)])
+def test_a_time_in_seconds_is_told(buffer, seconds, is_told, unit):
+    time = (T // S + seconds) * (1 if unit == 's' else 1000)
     error = error_of(buffer, time)
     assert error.causes == ('time_in_seconds',) * is_told
-    assert (f'{time} s is within the data, {time} ns is not.' in str(error)) == is_told
+    assert (f'{time} {unit} is within the data, {time} ns is not.' in str(error)) == is_told
 
 
 def test_the_memory_of_facts_is_bounded(buffer):
