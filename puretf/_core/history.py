@@ -482,7 +482,7 @@ def load(dump: Mapping[str, Any], cache_time: int) -> Optional[AnyHistory]:
         raise ValueError('the stamps must be in order, and the rotations normalised')
     if not all(isinstance(name, str) for name in (*parents, authority)):
         raise TypeError('parents and authority must be names')
-    arrived = dump.get('arrived', stamps[-1] if parents else None)  # older dumps have none
+    arrived = dump['arrived']
     if not parents:
         return None if arrived is None else History(cache_time)
     if dump['is_static']:

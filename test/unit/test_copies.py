@@ -6,7 +6,6 @@ import json
 import pickle
 from typing import cast
 
-from environment import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
@@ -146,17 +145,6 @@ def test_a_frame_that_was_cleared_is_loaded():
     assert other.all_frames_as_string() == 'Frame a exists with parent NO_PARENT.\n'
     _, why = other.can_transform('map', 'a', 1, return_debug_tuple=True)
     assert "No transform of 'a' has been received since the buffer was cleared" in why
-
-
-def test_an_old_dump_is_loaded():
-    """It does not say which frames were cleared, nor what arrived last."""
-    dump = json.loads((ROOT / 'test' / 'data' / 'dump_without_arrived.json').read_text())
-    buffer = TransformBuffer.load(dump)
-    assert buffer.all_frames_as_string() == ('Frame base exists with parent odom.\n'
-                                             'Frame laser exists with parent base.\n')
-    assert buffer.frame_names() == ['gone', 'map', 'base', 'odom', 'laser']
-    assert buffer.lookup_transform('map', 'base', -10**9).translation[0] == 1.0
-    assert buffer.frames()[0].arrived == 2 * 10**9
 
 
 @pytest.mark.parametrize('protocol', range(pickle.HIGHEST_PROTOCOL + 1))

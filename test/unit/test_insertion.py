@@ -132,7 +132,7 @@ def test_the_memory_for_layouts_is_bounded():
 numbers = st.floats(-1e3, 1e3) | st.sampled_from([math.nan, math.inf, 0.0])
 poses = st.tuples(*[st.floats(-10.0, 10.0)] * 3, *[st.floats(-1.0, 1.0)] * 4)
 good_or_bad_poses = st.one_of(poses, poses, poses, st.tuples(*[numbers] * 7))
-edges = st.tuples(st.sampled_from(['a', 'b', '/c', 'd', '']), st.sampled_from('abcde'))
+edges = st.tuples(st.sampled_from(['a', 'b', '//c', 'd', '']), st.sampled_from('abcde'))
 layouts = st.lists(st.lists(edges, min_size=1, max_size=4), min_size=1, max_size=3)
 
 
@@ -286,14 +286,6 @@ def test_more_frames_than_allowed_are_refused_and_logged_once(logs):
     (text,) = [record.getMessage() for record in logs]
     assert text.startswith('TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "new" ')
     assert 'max_frames of the buffer allows 4 frames' in text
-
-
-def test_one_leading_slash_is_removed_however_a_message_comes():
-    """It is removed from messages in a batch as well as from late ones."""
-    buffer, reader = TransformBuffer(), MessageReader(fail_on_error)
-    for stamp in 10, 11, 5, 12:
-        insert(buffer, reader, cdr.pack([Row(stamp, '//map', 'x', STILL)]))
-    assert buffer.dump()['x']['parents'] == ['/map'] * 4
 
 
 def test_numbers_that_are_not_finite_give_no_warning():

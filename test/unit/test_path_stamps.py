@@ -2,7 +2,6 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
 import pytest
 
 from puretf import ConnectivityException, LookupException, TransformBuffer
@@ -24,17 +23,6 @@ def buffer_of(*edges):
 def stamps_of(buffer, target, source):
     """Return the stamps in s."""
     return [stamp / S for stamp in buffer.path_stamps(target, source).tolist()]
-
-
-def test_stamps_of_all_edges_in_order_and_once():
-    """Edges above both frames and beside the path do not count."""
-    buffer = buffer_of(
-        ('earth', 'map', [0.5, 1.5]), ('map', 'odom', [1.0, 2.0, 3.0]), ('odom', 'camera', None),
-        ('map', 'base', [2.0, 2.5]), ('base', 'wheel', [7.0]), ('camera', 'lens', [8.0]))
-    for frames in ('camera', 'base'), ('base', 'camera'):
-        assert stamps_of(buffer, *frames) == [1.0, 2.0, 2.5, 3.0]
-    assert stamps_of(buffer, 'earth', 'map') == [0.5, 1.5]
-    assert buffer.path_stamps('camera', 'base').dtype == np.int64
 
 
 def test_an_edge_counts_while_it_is_on_the_path():

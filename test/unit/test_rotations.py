@@ -164,17 +164,6 @@ def test_near_gimbal_lock(first, last, exponent, sign):
             check_round_trip(composed_quaternion(three, axes), axes)
 
 
-@pytest.mark.parametrize('off', [0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-3])
-def test_roll_and_yaw_of_what_looks_up(off):
-    """At the lock only their difference is defined, away from it each of them."""
-    roll, pitch, yaw = euler_from_quaternion(
-        composed_quaternion((0.3, math.pi / 2 - off, 0.1), 'sxyz'))
-    assert pitch == pytest.approx(math.pi / 2 - off, abs=1e-15)
-    assert roll - yaw == pytest.approx(0.2, abs=1e-14)
-    if off >= 1e-12:
-        assert yaw == pytest.approx(0.1, abs=1e-15 / off)
-
-
 @given(conventions, units, st.floats(1e-3, 1e3))
 def test_both_signs_and_any_length_are_the_same(axes, quaternion, length):
     """The angles and the matrix depend neither on the sign nor on the length."""
