@@ -96,7 +96,8 @@ class Lookups:
     def check(self, target: str, source: str, time: int) -> None:
         """Raise the error of tf2's canTransform if `pose` has no result."""
         path = self.paths.get((target, source))
-        if path is None or not path.covers(time or path.latest_common_time()):
+        begin, end = path.span() if path else (END, -END)
+        if not begin <= (time or end) <= end:
             if target == source:
                 return
             failures.check_for_can_transform(self.tree, target_frame=target, source_frame=source)

@@ -38,10 +38,6 @@ class Path:
                     return 1, 0
         return begin, end
 
-    def covers(self, time: int) -> bool:
-        """Return True if every edge has a pose at a time."""
-        return all(edge.parent_at(time) is not None for edge in self.edges)
-
     def pose(self, time: int) -> Pose:
         """Compute the pose of the source frame at a time (ns; 0: each edge's newest)."""
         if not self.from_target:

@@ -26,7 +26,6 @@ class Headers:
         self.count = 0  #: the number of all messages
         self.step = 1  #: of so many messages, one is in the sample
         self.frames: dict[str, int] = {}  #: by name: the number of the frame
-        self._numbers: dict[bytes, int] = {}  # as `frames`
         self.frame_numbers = array('q')  #: by message: the frame
         self.arrivals = array('q')  #: by message: the time of arrival or of the recording (ns)
         self.stamps = array('q')  #: by message: the stamp (ns)
@@ -62,9 +61,7 @@ class Headers:
 
     def _learn(self, name: bytes) -> Optional[int]:
         """Return the number of a frame; None if there are too many, or its name is too long."""
-        number = self._numbers.get(name)
-        if number is None and len(self._numbers) < _MOST_FRAMES:
-            text = name.partition(b'\0')[0].decode('utf-8', 'replace')
-            if not is_too_long(text):
-                number = self._numbers[name] = self.frames.setdefault(text, len(self.frames))
-        return number
+        text = name.partition(b'\0')[0].decode('utf-8', 'replace')
+        if text not in self.frames and (len(self.frames) >= _MOST_FRAMES or is_too_long(text)):
+            return None
+        return self.frames.setdefault(text, len(self.frames))
