@@ -437,13 +437,10 @@ class StaticHistory:
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
         self.only_parent, self.pose, self.authority = parent, pose, authority
+        self.all_parents = (parent,)
 
     def __len__(self) -> int:
         return 1
-
-    @property
-    def all_parents(self) -> tuple[str]:
-        return (self.only_parent,)
 
     def copy(self, since: int) -> 'StaticHistory':
         return StaticHistory(self.only_parent, self.pose, self.authority)

@@ -4,7 +4,6 @@ import json
 import math
 
 from environment import DATA
-from model import compare_many_with_single
 import numpy as np
 import pytest
 
@@ -57,13 +56,3 @@ def test_answers_as_tf2(case):
         sign = math.copysign(1.0, np.dot(answer.rotation, query['xyzw']))
         assert [sign * number for number in answer.rotation] == pytest.approx(
             query['xyzw'], abs=1e-9, rel=0)
-
-
-@pytest.mark.parametrize('case', CASES, ids=[case['name'] for case in CASES])
-def test_many_at_once_are_the_same_answers(case):
-    """For each pair of frames, lookup_transforms gets all times of the case."""
-    buffer = buffer_of(case)
-    lookups = [query for query in case['queries'] if query['kind'] == 'lookup']
-    times = [query['time_ns'] for query in lookups]
-    for target, source in {(query['target'], query['source']) for query in lookups}:
-        compare_many_with_single(buffer, target, source, times)
