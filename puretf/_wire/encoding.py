@@ -40,7 +40,8 @@ class Encoding(NamedTuple):
     sequence: int  #: the size of the sequence number before a stamp
     stamp: str  #: the format of seconds and nanoseconds, for `struct`
     end: bytes  #: of a name
-    alignments: tuple[int, int]  #: of names, and of poses
+    name_padding: int  #: the largest padding before a name: its alignment minus 1
+    pose_padding: int  #: and before a pose
 
     def unpack(self, data: bytes) -> list[Row]:
         """Deserialise a message, or raise a MalformedMessage."""
@@ -63,7 +64,7 @@ class Encoding(NamedTuple):
         unpack_head = struct.Struct(f'{order}{self.sequence}x{self.stamp}I').unpack_from
         unpack_length = struct.Struct(f'{order}I').unpack_from
         unpack_pose = struct.Struct(f'{order}7d').unpack_from
-        head, (of_name, of_pose) = self.sequence + 12, self.alignments
+        head, padding = self.sequence + 12, self.name_padding
         try:
             (count,) = unpack_length(data, start)
             if count * (head + 4 + POSE_BYTES) > (size := len(data) - start) - 4:
@@ -74,12 +75,12 @@ class Encoding(NamedTuple):
                 sec, nanosec, length = unpack_head(data, start)
                 start += head
                 frame_id = data[start:start + length]
-                start += length + -length % of_name
+                start += length + (-length & padding)
                 (length,) = unpack_length(data, start)
                 start += 4
                 child_frame_id = data[start:start + length]
                 start += length
-                start += (4 - start) % of_pose
+                start += 4 - start & self.pose_padding
                 pose = unpack_pose(data, start)
                 yield sec, nanosec, _text(frame_id), _text(child_frame_id), pose
                 start += POSE_BYTES
@@ -95,8 +96,8 @@ class Encoding(NamedTuple):
         they are a part of the names.
         """
         try:
-            end = _FIRST_NAME + 4 + data[_FIRST_NAME]
-            end += -end % self.alignments[0]
+            padding = self.name_padding
+            end = _FIRST_NAME + 4 + padding + data[_FIRST_NAME] & ~padding
             return data[_FIRST_NAME:end + 4 + data[end]]
         except IndexError:
             return b''
@@ -130,10 +131,10 @@ class Encoding(NamedTuple):
         struct_format, names, position = f'<{size}s{size}xI', [], 4
         for edge in edges:
             struct_format += f'{self.sequence}x8s'
-            for name, alignment in zip(edge, self.alignments):
+            for name, most in zip(edge, (self.name_padding, self.pose_padding)):
                 names.append(self._packed(name))
                 position += len(names[-1])
-                padding = -position % alignment
+                padding = -position & most
                 position += padding
                 struct_format += f'{len(names[-1])}s{padding}x'
             struct_format += f'{POSE_BYTES}s'
@@ -150,8 +151,8 @@ class Encoding(NamedTuple):
         return struct.pack('<I', len(text) + len(self.end)) + text + self.end
 
 
-CDR = Encoding(b'\x00\x01', 0, 'iI', b'\0', (4, 8))
-ROS1 = Encoding(b'', 4, 'II', b'', (1, 1))
+CDR = Encoding(b'\x00\x01', 0, 'iI', b'\0', 3, 7)
+ROS1 = Encoding(b'', 4, 'II', b'', 0, 0)
 
 
 def _text(field: bytes) -> str:
