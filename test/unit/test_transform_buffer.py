@@ -52,6 +52,15 @@ def test_the_pose_of_the_source_in_the_target():
     assert answer.apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 2.0, 3.0])
 
 
+def test_large_coordinates():
+    """Those of UTM are exact to a nanometre: float64 has 52 bits, 5 800 000 m need 23."""
+    buffer, east = TransformBuffer(), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+    buffer.insert(T, 'utm', 'map', (500_000.25, 5_800_000.5, 30.0, *east))
+    buffer.insert(T, 'map', 'base', (100.0, 2.0, 0.5, *STILL))
+    assert buffer.lookup_transform('utm', 'base').translation == pytest.approx(
+        (499_998.25, 5_800_100.5, 30.5), rel=0, abs=2e-9)
+
+
 def test_a_frame_in_itself_needs_not_be_known():
     """The stamp is the requested time; for time 0, it is the latest stamp of the frame."""
     buffer = TransformBuffer()
