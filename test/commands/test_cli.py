@@ -179,7 +179,7 @@ def test_a_signal_in_a_loop_that_does_not_check_for_it(tmp_path, start, walk, co
         '    print("begun", flush=True)\n'
         '    while True:\n'
         '        pass\n'
-        'files._FORMATS[b"#ROSBAG V"] = read_for_ever, ""\n' + code), *arguments, '--bag', walk,
+        'files._FORMATS[b"#ROSBAG V"] = read_for_ever\n' + code), *arguments, '--bag', walk,
         cwd=tmp_path)
     process.line_with('begun')
     process.end(signal.SIGTERM)
