@@ -24,7 +24,7 @@ from puretf_tools.cli.progress import listen, progress
 from puretf_tools.cli.signals import check_signals, forget_signals
 from puretf_tools.cli.times import seconds, When, when
 from puretf_tools.inspection import gaps, recorded
-from puretf_tools.inspection.bag_times import both
+from puretf_tools.inspection.bag_times import both, is_offset, why_outside
 from puretf_tools.source import Source, source
 
 #: The files that can be written.
@@ -260,6 +260,9 @@ def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int
     first, last = int(stamps[0]), int(stamps[-1])
     low = start.within(span) if start else first
     high = stop.within(span) if stop else last
+    for time in low, high:
+        if is_offset(time, span):
+            raise UsageError(why_outside(time, span))
     if start and stop and low > high:
         raise UsageError('--start must not be after --stop')
     first, last = max(first, low), min(last, high)

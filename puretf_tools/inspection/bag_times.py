@@ -37,7 +37,13 @@ def why_outside(time: int, span: tuple[int, int]) -> str:
     begin, end = span
     return '' if not time or begin <= time <= end else (
         f'{both(time, begin)} is outside of the bag, whose transforms are from '
-        f'{exact_time(begin)} to {both(end, begin)}')
+        f'{exact_time(begin)} to {both(end, begin)}'
+        + is_offset(time, span) * '; for seconds after its start, write + before them')
+
+
+def is_offset(time: int, span: tuple[int, int]) -> bool:
+    """Return whether a time before a bag (ns) can be meant as one after its start."""
+    return 0 < time < span[0] and time <= span[1] - span[0]
 
 
 def both(time: int, begin: int) -> str:
