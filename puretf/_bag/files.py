@@ -38,7 +38,8 @@ def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirector
             except Exception as error:  # what has been decompressed is read
                 contents.add_damage(error)
         whole = Path(copies[path].name, 'whole')
-        read = _format_of(whole)
+        # Of a file that is cut off early, nothing may have been decompressed.
+        read = _format_of(whole) if whole.stat().st_size or not contents.damage else None
         for item in read(whole, contents) if read else ():
             yield (1 + item) / 2 if isinstance(item, float) else item
     except Exception as error:  # the libraries raise errors of many types

@@ -551,6 +551,15 @@ def test_a_damaged_chunk_with_the_channels(tmp_path, logs):
         messages(logs))
 
 
+def test_a_compressed_file_of_which_nothing_can_be_read(tmp_path):
+    """Only that it is cut off is said, and no remedy."""
+    path = tmp_path / 'x.mcap.zstd'
+    path.write_bytes(bags.packed(bags.checked_mcap(tmp_path / 'x.mcap').read_bytes(), 'zstd')[:30])
+    for partial in False, True:
+        assert outcome(path, partial=partial).endswith(
+            'Compressed file ended before the end-of-stream marker was reached.')
+
+
 def test_a_damaged_message(tmp_path, logs):
     """A compressed message that is cut off is skipped with a warning."""
     content = [*bags.walk(20)]
