@@ -312,8 +312,10 @@ REQUIREMENTS = (
 
 
 def _rate(arm: Arm, *_: Any) -> Line:
-    rates = {name: (len(samples.times) - 1) / span for name, samples in arm.moving.items()
-             if (span := samples.times[-1] - samples.times[0]) > 0.0}
+    steps = {name: np.diff(samples.times) for name, samples in arm.moving.items()}
+    # The usual rate: in a bag, a part may be missing.
+    rates = {name: 1.0 / step for name, each in steps.items()
+             if len(each) and (step := float(np.median(each))) > 0.0}
     name, rate = min(rates.items(), key=itemgetter(1), default=('', 0.0))
     return Line(f'{rate:.1f} Hz' if rates else '', '' if rate >= _LOWEST_RATE else
                   f'{name} is sent {rate:.1f} times a second: its motion does not look smooth.')
