@@ -128,6 +128,7 @@ class Bag(AbstractContextManager['Bag']):
         self._on_progress = on_progress or (lambda done: None)
         self._copies: dict[Path, TemporaryDirectory[str]] = {}
         self._after_missing = recording.after_missing
+        self._is_without_files = bool(recording.warning)
         self._contents = Contents(*self._about)
 
     def __exit__(self, *_: object) -> None:
@@ -158,6 +159,11 @@ class Bag(AbstractContextManager['Bag']):
     def missing_spans(self) -> list[tuple[int, int]]:
         """Within which times of the recording (ns) a part of it is missing or damaged."""
         return self._contents.missing_spans
+
+    @property
+    def is_whole(self) -> bool:
+        """False if a part of the recording is missing, or damage was met while it was read."""
+        return not (self.missing_part or self._is_without_files or self._contents.damage)
 
     def _known(self) -> Contents:
         if not self._contents.topics:

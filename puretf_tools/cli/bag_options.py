@@ -53,8 +53,8 @@ def add_bag_options(parser: Parser, *listening: str) -> None:
                         '.mcap or .db3 file, or a .bag of ROS 1. Of a recording that was split, '
                         'give the directory, or all files')
     add_namespace_option(parser, 'read the transforms from')
-    parser.add_argument('--partial', action='store_true', help='with --bag: if a .mcap file is '
-                        'cut off or damaged, read what can be read')
+    parser.add_argument('--partial', action='store_true', help='with --bag: if a file is '
+                        'missing, cut off or damaged, read what can be read')
 
 
 def _repeat_option(arguments: Sequence[str]) -> list[str]:

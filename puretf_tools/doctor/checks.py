@@ -261,7 +261,7 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('unknown_frame', 'Publish a transform to this frame, or correct the name in the program '
-        'that sends the messages.', 'missing_frame', needs=('headers',))
+        'that sends the messages.', 'missing_frame', needs=('headers', 'messages'))
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
@@ -272,16 +272,15 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
                          f'the {len(known)} frames of the transforms. '
                          f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
                          remedy='This is right if it is no place, as that of a joystick; '
-                         'otherwise, publish a transform to it.' if is_no_place else
-                         observation.missing_part, severity=INFO if is_no_place else '')
+                         'otherwise, publish a transform to it.' if is_no_place else '',
+                         severity=INFO if is_no_place else '')
 
 
 def _is_no_place(observation: Observation, frame: str) -> bool:
     """Return whether a frame has the name of its topics, and no sign of TF, as 'joy' on /joy."""
     names = {topic.rpartition('/')[2] for topic in observation.topics_of[frame]}
     links = {start + link for robot, start in observation.own_robots for link in robot.links}
-    return names == {frame} and frame not in links and not (
-        observation.missing_part or near_names(frame, observation.tree_of))
+    return names == {frame} and frame not in links and not near_names(frame, observation.tree_of)
 
 
 @_check('joint_without_state', 'Send its position on the topic joint_states, with the time, and '
@@ -314,7 +313,8 @@ def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
                          scope=[start + link for link in robot.links] if others else None)
 
 
-@_check('disconnected', 'Publish a transform between the trees.', 'two_trees', needs=('headers',))
+@_check('disconnected', 'Publish a transform between the trees.', 'two_trees',
+        needs=('headers', 'messages'))
 def _disconnected(observation: Observation) -> Iterator[_Fault]:
     """Find headers of messages with frames of different trees."""
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
@@ -334,8 +334,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
     for parts in ([*trees.values()] for trees in robots.values() if len(trees) > 1):
         texts = [f'{listed(names)} on {listed(on)}' for names, on in parts[:SHOWN]]
         yield _Fault(f'headers use frames of {len(parts)} trees: {"; ".join(texts)}', (),
-                     chain(*(names for names, _ in parts)), [*chain(*(on for _, on in parts))],
-                     remedy=observation.missing_part)
+                     chain(*(names for names, _ in parts)), [*chain(*(on for _, on in parts))])
 
 
 @_check('volatile_listener', 'Use a TransformListener, or give the subscription the durability '
@@ -509,7 +508,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('message_too_old', 'Send the messages sooner, or give the listener a longer cache_time.',
-        'old_messages', needs=('headers',))
+        'old_messages', needs=('headers', 'messages'))
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive when a cache of 10 s has dropped their transforms."""
     for topic, found in _found(observation, Verdict.TOO_OLD):
@@ -527,7 +526,7 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its clock '
-        'slow, or must --time be longer?', 'full_queue', needs=('headers',))
+        'slow, or must --time be longer?', 'full_queue', needs=('headers', 'messages'))
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     """Find messages that wait in vain: the transforms never reach their stamps."""
     for edge, child, topics in _by_edge(observation, Verdict.NEVER):
@@ -769,7 +768,7 @@ def _start_again(node: str) -> str:
 
 
 @_check('message_early', 'Wait for the transforms, or make the publisher send them sooner, or '
-        'more often.', 'future', severity=WARNING, needs=('headers',))
+        'more often.', 'future', severity=WARNING, needs=('headers', 'messages'))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
     for _, child, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
@@ -951,7 +950,8 @@ def _missing_part(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('link_without_transform', 'Start robot_state_publisher with this description; if it runs, '
-        'compare its frame_prefix with the names of the frames.', 'other', severity=WARNING)
+        'compare its frame_prefix with the names of the frames.', 'other', severity=WARNING,
+        needs=('messages',))
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
     """Find links of robot descriptions that no transform leads to."""
     for robot, start in observation.own_robots:
@@ -984,14 +984,13 @@ def _slow_clock(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('several_trees', 'If the trees belong to one robot, publish a transform between them.',
-        'two_trees', severity=INFO)
+        'two_trees', severity=INFO, needs=('messages',))
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     """Find several trees; lookups from one to another fail."""
     if len(observation.trees) > 1 and observation.seconds >= _SETTLED:
         roots = [next((name for name in tree if name not in observation.parents), tree[0])
                  for tree in observation.trees]
-        yield _Fault(f'{len(roots)} trees, with the roots {listed(roots)}', frames=roots,
-                     remedy=observation.missing_part)
+        yield _Fault(f'{len(roots)} trees, with the roots {listed(roots)}', frames=roots)
 
 
 @_check('static_changes', 'Publish a transform that changes on /tf.', 'other', severity=INFO)

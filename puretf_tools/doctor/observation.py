@@ -374,6 +374,8 @@ class BagObserver:
         not_known = {'listeners': 'a bag does not record the listeners'}
         if any({*topic.durabilities} <= {'UNKNOWN'} for topic in latched):
             not_known['qos'] = 'the bag does not record the QoS of the publishers'
+        if not bag.is_whole:
+            not_known['messages'] = 'a part of the recording is missing or damaged'
         if not nodes:
             not_known['nodes'] = 'the bag does not record which node has sent a message'
         if not any(track['delays'] for track in tracks):
@@ -389,7 +391,8 @@ class BagObserver:
             for durability in topic.durabilities.elements()
             if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN')]
         return Observation(
-            statistics, f'in {comma_list([str(bag.path), *other_files])}', own_topics, nodes=nodes,
+            statistics, f'in {"" if bag.is_whole else "what is left of "}'
+            f'{comma_list([str(bag.path), *other_files])}', own_topics, nodes=nodes,
             headers={topic.name: topic.headers for topic in topics if topic.headers.count},
             robots=self.robots.robots(), tf_topics=tf_topics, not_known=not_known,
             has_record_times=True, missing_spans=bag.missing_spans,
