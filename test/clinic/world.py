@@ -1,19 +1,19 @@
 """A small world: who sends what when, and what a lookup and `tf_doctor` say of it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Optional
+from typing import NamedTuple, Optional
 from unittest.mock import patch
 
+from messages import recorded
 from recorded import header_of
 
 from puretf import TransformBuffer, TransformException
 from puretf._causes.facts import Blocked, Heard, Publisher, Surroundings
 from puretf._core.engine import engine_of
-from puretf._core.pose import Pose, Row
+from puretf._core.pose import Pose
 from puretf._wire import cdr
-from puretf._wire.encoding import CDR
 from puretf._wire.message_reader import MessageReader
-from puretf.bag import Headers
+from puretf.bag import BagMessage, Headers
 from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection import feeds
@@ -25,19 +25,6 @@ S = 10**9
 NOW = 1_700_000_000 * S
 TF = 'tf2_msgs/msg/TFMessage'
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-
-
-class Message(NamedTuple):
-    """A message of TF that has arrived."""
-
-    time: int
-    publisher: str
-    is_static: bool
-    data: bytes
-    encoding: Any = CDR
-
-    def rows(self) -> list[Row]:
-        return CDR.unpack(self.data)
 
 
 class Sender(NamedTuple):
@@ -69,7 +56,7 @@ class Sender(NamedTuple):
         """By child: the parent."""
         return {child: parent for parent, _, child in (edge.partition(' ') for edge in self.edges)}
 
-    def messages(self, publisher: str) -> list[Message]:
+    def messages(self, publisher: str) -> list[BagMessage]:
         """Return what arrives."""
         count = round((self.end - self.begin) * self.rate) + 1 if self.rate else 1
         found = []
@@ -77,10 +64,11 @@ class Sender(NamedTuple):
             time = NOW + round((self.begin + (i / self.rate if self.rate else 0.0)) * S)
             stamp = self.stamp(time + round(self.offset * S))
             if not self.is_lost(i):
-                found.append(Message(
-                    time + round(self.takes(i) * S), publisher, self.is_static, cdr.pack_fields(
-                        (stamp // S, self.nanosec(stamp), parent, child, self.pose(i))
-                        for child, parent in self.parents.items())))
+                data = cdr.pack_fields(
+                    (stamp // S, self.nanosec(stamp), parent, child, self.pose(i))
+                    for child, parent in self.parents.items())
+                found.append(recorded(
+                    time + round(self.takes(i) * S), data, self.is_static, publisher))
         return found
 
 
@@ -149,7 +137,7 @@ class World(NamedTuple):
     cache_time: int = 10 * S
     late: Sequence[tuple[int, int]] = ()  #: when the program ran late, and by how much (ns)
 
-    def messages(self) -> list[Message]:
+    def messages(self) -> list[BagMessage]:
         """Return what arrives at a listener, in order."""
         return sorted((message for number, each in enumerate(self.senders)
                        if each.topic in self.topics and each.type == TF and not each.lacks
