@@ -48,20 +48,30 @@ ARM = tree(
     ('elbow', 'revolute', 'upper', 'lower', '0.4 0 0', '0 0 0', '0 1 0'))
 
 
+def shift(*xyz):
+    """Return the (4, 4) matrix of a translation."""
+    return affines.compose(xyz, np.eye(3), np.ones(3))
+
+
+def turn(axis, angle):
+    """Return the (4, 4) matrix of a rotation about x, y or z."""
+    return axangles.axangle2aff(np.eye(3)['xyz'.index(axis)], angle)
+
+
 def oracle(text, positions):
     """Return the (4, 4) matrix of each child link in its parent, from the XML itself."""
-    matrices, ones = {}, (1.0, 1.0, 1.0)
+    matrices = {}
     element: Any
     for element in ElementTree.fromstring(text).findall('joint'):
         xyz, rpy, axis = (np.array(element.find(tag).get(name).split(), np.float64)
                           for tag, name in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz')))
         axis = axis / np.linalg.norm(axis)
-        in_parent = affines.compose(xyz, euler.euler2mat(*rpy), ones)
+        in_parent = affines.compose(xyz, euler.euler2mat(*rpy), np.ones(3))
         position = positions[element.get('name')]
         if element.get('type') in ('revolute', 'continuous'):
             in_parent = in_parent @ axangles.axangle2aff(axis, position)
         elif element.get('type') == 'prismatic':
-            in_parent = in_parent @ affines.compose(axis * position, np.eye(3), ones)
+            in_parent = in_parent @ shift(*(axis * position))
         matrices[element.find('child').get('link')] = element.find('parent').get('link'), in_parent
     return matrices
 
@@ -107,22 +117,6 @@ def test_forward_kinematics(joints):
         np.testing.assert_allclose(in_root(actual, frame), in_root(expected, frame), atol=1e-9)
         np.testing.assert_allclose(buffer.lookup_transform('l0', frame).matrix(),
                                    in_root(expected, frame), atol=1e-9)
-
-
-def turn(axis, angle):
-    """Return the (4, 4) matrix of a rotation about x, y or z."""
-    i, j = {'x': (1, 2), 'y': (2, 0), 'z': (0, 1)}[axis]
-    result = np.eye(4)
-    result[i, i] = result[j, j] = np.cos(angle)
-    result[j, i], result[i, j] = np.sin(angle), -np.sin(angle)
-    return result
-
-
-def shift(*xyz):
-    """Return the (4, 4) matrix of a translation."""
-    result = np.eye(4)
-    result[:3, 3] = xyz
-    return result
 
 
 def test_poses_of_a_robot():
@@ -210,8 +204,7 @@ def test_links_joints_and_root():
     assert a.limits == (-2.0, 1.5)
     assert a.mimic == Mimic('b', -2.0, 0.0)
     assert (b.limits, b.mimic) == (None, None)
-    assert a.is_movable
-    assert b.is_movable
+    assert all(joint.is_movable for joint in description.joints)
 
 
 def test_shapes_and_their_colors():
