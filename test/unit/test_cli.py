@@ -600,7 +600,8 @@ def test_a_signal_ends_the_reading(walk):
 
 
 @pytest.mark.parametrize(('command', 'begin'), [
-    ('tf2_echo map base_link', 'At time 110.000000000\n'), ('view_frames --text', 'map\n')])
+    ('tf2_echo map base_link', 'At time 110.000000000\n'), ('view_frames --text', 'map\n'),
+    ('tf_doctor', 'not checked: ')])
 def test_a_bag_without_ros(walk, command, begin):
     """Where stdout cannot encode the lines of the tree, as on Windows, they are replaced."""
     done = subprocess.run(

@@ -9,12 +9,9 @@ import pickle
 import re
 import sqlite3
 import struct
-import subprocess
-import sys
 import tracemalloc
 import warnings
 
-from processes import tool_without_ros
 import pytest
 
 from puretf import bag, TransformBuffer
@@ -573,34 +570,6 @@ def test_list(capsys):
         assert f'{check.code} ({check.severity})\n    {text}\n' in output
         assert check.meaning.endswith('.')
         assert re.fullmatch(r'([A-Z](?:[^.]|\.\S)*[.?])?', check.remedy)
-
-
-@pytest.mark.parametrize(('arguments', 'text'), [
-    (['map'], 'give two frames'),
-    (['map', '/'], 'a frame must have a name'),
-    (['-t', '5'], '-t needs two frames'),
-    (['--ignore', 'gaps'], "unknown code 'gaps'. Nearest known: 'gap'"),
-    (['--time', '0'], 'more than 0 s'),
-    (['--bag', 'x', '--time', '5'], '--time is for listening'),
-    (['--bag', ''], '--bag needs the path of a bag'),
-    (['--partial'], '--partial needs --bag'),
-    (['--bag', 'x', '--jobs', '0'], '--jobs must be at least 1, got 0'),
-    (['--jobs', '2'], '--jobs is for examining bags'),
-])
-def test_wrong_arguments(failed, arguments, text):
-    """One line names the offender; the exit code is 2."""
-    code, error = failed(main, *arguments)
-    assert code == 2
-    assert text in error
-
-
-def test_without_ros(tmp_path):
-    """A bag is checked where there is no ROS."""
-    path = bags.make(tmp_path, 'mcap', bags.walk())
-    done = subprocess.run([sys.executable, *tool_without_ros('tf_doctor', '--bag', str(path))],
-                          capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, '')
-    assert done.stdout.splitlines()[-1] == f'healthy: 102 transforms of 3 frames in {path}'
 
 
 def test_malformed_messages(capsys, tmp_path):

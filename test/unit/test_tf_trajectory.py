@@ -463,20 +463,6 @@ def test_an_empty_window(failed, walk_bag, window):
         '110.000000000\n')
 
 
-@pytest.mark.parametrize(('arguments', 'text'), [
-    (option, '--start, --stop, --at and --topic need --bag') for option in (
-        ['a', 'b', '--start', '1'], ['a', 'b', '--stop', '5'], ['a', 'b', '--at', '/scan'],
-        ['--topic', '/x'])
-] + [
-    (['a', '--bag', 'x', '--at', '/scan', '--every', '1'], 'give either --at or --every'),
-    (['a', 'b', '--bag', 'x', '--every', '0'], '--every must be more than 0 s'),
-    *((['--bag', 'x', '--topic', '/x', *more],
-       'with --topic, leave out the frames and --at') for more in (['a'], ['--at', '/y']))])
-def test_options_that_do_not_fit(failed, arguments, text):
-    """The error is one line, before a bag is read."""
-    assert failed(tf_trajectory.main, *arguments) == (2, f'tf_trajectory: {text}\n')
-
-
 def test_a_window_that_ends_before_it_begins(failed, walk_bag):
     """Whether it does is known when the bag has been read."""
     assert failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link', '--start', '+2',

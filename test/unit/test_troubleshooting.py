@@ -147,13 +147,3 @@ def test_every_code_leads_to_its_section(capsys):
 def test_the_names_in_the_pages_exist(page):
     """So a command that a page shows can be typed."""
     assert {*re.findall(r'tf_doctor --explain ([a-z]\w*)', page.read_text())} <= SECTIONS.keys()
-
-
-@pytest.mark.parametrize(('words', 'end'), [
-    (['one_shoot'], "no section explains 'one_shoot'. Nearest known: 'one_shot'.\n"),
-    (['two_tree'], "Nearest known: 'two_trees'.\n")])
-def test_unknown_words(failed, words, end):
-    """The exit code is 2, and the error has the nearest names."""
-    code, error = failed(main, '--explain', *words)
-    assert code == 2
-    assert error.endswith(end)

@@ -38,6 +38,16 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
     'tf2_monitor': {
         'give two frames, or none to monitor all frames': ['map'],
         'a frame must have a name': ["map ''", '/ odom']},
+    'tf_doctor': {
+        'give two frames': ['map'],
+        'a frame must have a name': ['map /'],
+        '-t needs two frames': ['-t 5'],
+        "unknown code 'gaps'. Nearest known: 'gap'": ['--ignore gaps'],
+        'more than 0 s': ['--time 0'],
+        '--jobs must be at least 1, got 0': ['--bag x --jobs 0'],
+        '--jobs is for examining bags': ['--jobs 2'],
+        "no section explains 'one_shoot'. Nearest known: 'one_shot'.": ['--explain one_shoot'],
+        "Nearest known: 'two_trees'.": ['--explain two_tree']},
     'tf_trajectory': {
         'the following arguments are required: source_frame': ['map'],
         'a frame must have a name': ["map ''", '/ odom'],
@@ -48,7 +58,13 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         "'x.json' must end in .csv": ['map odom -o x.json'],
         'a .tum file has no place for velocities': ['map odom -o x.tum --twist'],
         'must be a time in s, from 0 to 9223372036, with at most 9 digits': [
-            f'map odom --every {every}' for every in ('-1', '1e-10', '1e10', 'nan')]},
+            f'map odom --every {every}' for every in ('-1', '1e-10', '1e10', 'nan')],
+        '--every must be more than 0 s': ['a b --bag x --every 0'],
+        'give either --at or --every': ['a --bag x --at /scan --every 1'],
+        '--start, --stop, --at and --topic need --bag': [
+            'a b --start 1', 'a b --stop 5', 'a b --at /scan', '--topic /x'],
+        'with --topic, leave out the frames and --at': [
+            '--bag x --topic /x a', '--bag x --topic /x --at /y']},
     'view_frames': {
         'the time to listen must be more than 0 s, and at most 1e+09': ['-t 0', '-t 1e300'],
         'unrecognized arguments: --wait_time (did you mean --wait-time?)': ['--wait_time'],
