@@ -121,13 +121,10 @@ def test_an_interruption_ends_what_draws(stand_in):
         draw('digraph G {}', 'pdf')
 
 
-def test_modules_of_the_working_directory_do_not_draw(stand_in, monkeypatch, tmp_path):
+def test_modules_of_the_working_directory_do_not_draw(stand_in, monkeypatch, there):
     """The process that draws does not import them."""
     stand_in('return b"drawn"')
-    there = tmp_path / 'there'
-    there.mkdir()
     for name in 'pygraphviz.py', 'subprocess.py':
         (there / name).write_text('raise SystemExit("found where it should not")\n')
-    monkeypatch.chdir(there)
     monkeypatch.setattr(sys, 'path', [path for path in sys.path if path])
     assert draw('digraph G {}', 'pdf') == b'drawn'

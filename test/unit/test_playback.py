@@ -1,6 +1,5 @@
 """The controls of a bag in the page of web_view, and the page that plays without a server."""
 
-from contextlib import ExitStack
 import json
 import os
 import re
@@ -15,11 +14,10 @@ from puretf_tools.cli.signals import check_signals, record_signals, signal_recei
 from puretf_tools.commands import web_view
 from puretf_tools.commands.web_view import main, read_into
 from puretf_tools.doctor import Finding
-from puretf_tools.view import feed as feed_module
 from puretf_tools.view.feed import BagFeed
 
 pytest.importorskip('viser')
-from viewer import Page, recorded, StubFeed
+from viewer import recorded, StubFeed
 
 from puretf_tools.view.details import details
 from puretf_tools.view.export import Animation
@@ -28,14 +26,6 @@ from puretf_tools.view.playback import Playback
 
 S = 10**9
 T = 1_700_000_000 * S
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    """A clock that a test sets: `clock[0]` (s)."""
-    now = [1000.0]
-    monkeypatch.setattr(feed_module, 'monotonic', lambda: now[0])
-    return now
 
 
 @pytest.fixture
@@ -117,23 +107,22 @@ def test_a_bag_that_is_played_once(controls):
     assert shown.after(1.0) == 10.0
 
 
-def test_the_keys_of_a_bag(clock, buffer):
+def test_the_keys_of_a_bag(page, buffer):
     """P pauses and plays on, B and N step; all keys are in the documentation, in this order."""
-    with ExitStack() as stack:
-        feed = BagFeed(buffer, 'bag')
-        shown = Page(feed, clock, stack)
-        section = (ROOT / 'docs' / 'web.md').read_text().split('\n## Keys\n')[1].split('\n## ')[0]
-        assert ', '.join(re.findall(r'^\| ([A-Z, ]+) \|', section, re.M)) == ', '.join(
-            props['hotkey'] for props in shown.viewer.gui.values() if 'hotkey' in props)
-        for stamp in 95, 107:
-            buffer.insert(T + stamp * S // 100, 'map', 'other', (0.0,) * 6 + (1.0,))
-        feed.player.seek(T + 102 * S // 100)
-        for key, position in ('B', 1.0), ('N', 1.07):
-            shown.viewer.press(key)
-            shown.until(lambda: feed.player.position == pytest.approx(position))  # noqa: B023
-        for plays in True, False:
-            shown.viewer.press('P')
-            shown.until(lambda: feed.player.plays == plays)  # noqa: B023
+    feed = BagFeed(buffer, 'bag')
+    shown = page(feed)
+    section = (ROOT / 'docs' / 'web.md').read_text().split('\n## Keys\n')[1].split('\n## ')[0]
+    assert ', '.join(re.findall(r'^\| ([A-Z, ]+) \|', section, re.M)) == ', '.join(
+        props['hotkey'] for props in shown.viewer.gui.values() if 'hotkey' in props)
+    for stamp in 95, 107:
+        buffer.insert(T + stamp * S // 100, 'map', 'other', (0.0,) * 6 + (1.0,))
+    feed.player.seek(T + 102 * S // 100)
+    for key, position in ('B', 1.0), ('N', 1.07):
+        shown.viewer.press(key)
+        shown.until(lambda: feed.player.position == pytest.approx(position))  # noqa: B023
+    for plays in True, False:
+        shown.viewer.press('P')
+        shown.until(lambda: feed.player.plays == plays)  # noqa: B023
 
 
 def test_a_bag_waits_for_a_viewer(clock, buffer):
@@ -151,45 +140,44 @@ def finding(code, time=0, frames=('base',), severity='warning'):
                    'Other faults', time)
 
 
-def test_the_findings_of_a_bag(clock, buffer):
+def test_the_findings_of_a_bag(page, clock, buffer):
     """Each is in the list and marks its rows; a click goes to its time, and pauses."""
     buffer.insert(T, 'map', 'other', (0.0,) * 6 + (1.0,), is_static=True)
-    with ExitStack() as stack:
-        feed = BagFeed(buffer, 'bag')
-        shown = Page(feed, clock, stack)
-        viewer = shown.viewer
-        feed.verdict = '2 warnings'
-        feed.findings = [
-            finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other', 'map')),
-            *(finding(f'late_{i}', T + 7 * S) for i in range(20))]
-        shown.until(lambda: len(viewer.shown()['findings']) == 20)
-        values = viewer.shown()
-        assert (values['verdict'], values['more']) == ('2 warnings', 2)
-        assert [each[:4] for each in values['findings'][:3]] == [
-            ['warning', '+3.00 s: gap: base', 'evidence <of> gap.', 'Mend gap.'],
-            ['warning', 'typo: other, map', 'evidence <of> typo.', 'Mend typo.'],
-            ['warning', '+7.00 s: late_0: base', 'evidence <of> late_0.', 'Mend late_0.']]
-        assert {name: marks for name, *_, marks in values['rows']} == {
-            'map': [1], 'other': [1], 'base': [0, *range(2, 20)]}
-        shown.until(lambda: viewer.shown('bar')['marks'] == [3.0, 7.0])
-        viewer.act('finding', 'typo: other, map')
-        shown.until(lambda: viewer.value('Frame') == 'other')
-        shown.until(lambda: sorted(viewer.axes('scales')) == [1.0, 1.5, 1.5])
-        shown.set('Frame', 'base')
-        shown.until(lambda: sorted(viewer.axes('scales')) == [1.0, 1.0, 1.5])
-        viewer.act('finding', '+3.00 s: gap: base')
-        shown.until(lambda: viewer.shown('bar')['position'] == 3.0
-                    and viewer.value('Frame') == 'base')
-        clock[0] += 1.0
-        shown.until(lambda: not viewer.shown('bar')['plays'])
-        assert feed.player.position == 3.0
-        feed.findings = [
-            finding('many', frames=('base', *'abcdefghij'))._replace(since=clock[0] - 5.2),
-            finding('gone')._replace(since=clock[0] - 9.0, over=clock[0] - 3.2)]
-        shown.until(lambda: viewer.shown()['findings'][0][1] == 'many: base, a, b and 8 more')
-        assert not any(marks for *_, marks in viewer.shown()['rows'])
-        assert [each[4:] for each in viewer.shown()['findings']] == [
-            ['since 5 s', False], ['over since 3 s', True]]
+    feed = BagFeed(buffer, 'bag')
+    shown = page(feed)
+    viewer = shown.viewer
+    feed.verdict = '2 warnings'
+    feed.findings = [
+        finding('gap', T + 3 * S), finding('typo', T + 99 * S, ('other', 'map')),
+        *(finding(f'late_{i}', T + 7 * S) for i in range(20))]
+    shown.until(lambda: len(viewer.shown()['findings']) == 20)
+    values = viewer.shown()
+    assert (values['verdict'], values['more']) == ('2 warnings', 2)
+    assert [each[:4] for each in values['findings'][:3]] == [
+        ['warning', '+3.00 s: gap: base', 'evidence <of> gap.', 'Mend gap.'],
+        ['warning', 'typo: other, map', 'evidence <of> typo.', 'Mend typo.'],
+        ['warning', '+7.00 s: late_0: base', 'evidence <of> late_0.', 'Mend late_0.']]
+    assert {name: marks for name, *_, marks in values['rows']} == {
+        'map': [1], 'other': [1], 'base': [0, *range(2, 20)]}
+    shown.until(lambda: viewer.shown('bar')['marks'] == [3.0, 7.0])
+    viewer.act('finding', 'typo: other, map')
+    shown.until(lambda: viewer.value('Frame') == 'other')
+    shown.until(lambda: sorted(viewer.axes('scales')) == [1.0, 1.5, 1.5])
+    shown.set('Frame', 'base')
+    shown.until(lambda: sorted(viewer.axes('scales')) == [1.0, 1.0, 1.5])
+    viewer.act('finding', '+3.00 s: gap: base')
+    shown.until(lambda: viewer.shown('bar')['position'] == 3.0
+                and viewer.value('Frame') == 'base')
+    clock[0] += 1.0
+    shown.until(lambda: not viewer.shown('bar')['plays'])
+    assert feed.player.position == 3.0
+    feed.findings = [
+        finding('many', frames=('base', *'abcdefghij'))._replace(since=clock[0] - 5.2),
+        finding('gone')._replace(since=clock[0] - 9.0, over=clock[0] - 3.2)]
+    shown.until(lambda: viewer.shown()['findings'][0][1] == 'many: base, a, b and 8 more')
+    assert not any(marks for *_, marks in viewer.shown()['rows'])
+    assert [each[4:] for each in viewer.shown()['findings']] == [
+        ['since 5 s', False], ['over since 3 s', True]]
 
 
 def test_a_bag_that_is_still_read(controls, buffer):
@@ -306,12 +294,11 @@ def driven(seconds):
     return buffer
 
 
-def test_the_first_camera_of_a_bag():
+def test_the_first_camera_of_a_bag(page):
     """It shows the whole path."""
-    with ExitStack() as stack:
-        shown = Page(BagFeed(driven(10), 'bag'), [1000.0], stack)
-        shown.until(lambda: shown.viewer.distance() > 170.0)
-        assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] > 40.0
+    shown = page(BagFeed(driven(10), 'bag'))
+    shown.until(lambda: shown.viewer.distance() > 170.0)
+    assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] > 40.0
 
 
 @pytest.mark.parametrize('follow', ['', 'base'])

@@ -389,15 +389,6 @@ def test_what_a_bag_does_not_have(failed, arm_bag):
     assert error.count('\n') == 1
 
 
-@pytest.fixture
-def there(tmp_path, monkeypatch):
-    """A directory of its own, which is the working directory."""
-    there = tmp_path / 'there'
-    there.mkdir()
-    monkeypatch.chdir(there)
-    return there
-
-
 @pytest.mark.parametrize(('ending', 'every'), [
     ('csv', ['--every', '0.0005']), ('npz', ['--every', '0.0005']), ('png', [])])
 def test_a_signal_leaves_no_partial_file(failed, monkeypatch, arm_bag, there, ending, every):

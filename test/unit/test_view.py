@@ -1,6 +1,5 @@
 """What web_view shows: placements, axes, trails, texts, and the page as a viewer gets it."""
 
-from contextlib import ExitStack
 from html import unescape
 from itertools import pairwise
 import json
@@ -10,9 +9,8 @@ import numpy as np
 import pytest
 
 from puretf import TransformBuffer
-from puretf_tools.view import feed as feed_module
 from puretf_tools.view.axes_and_trail import axes, Display, lines, Trail
-from puretf_tools.view.feed import BagFeed, Feed
+from puretf_tools.view.feed import BagFeed
 from puretf_tools.view.placement import FrameWatcher
 
 S = 10**9
@@ -23,14 +21,6 @@ HALF = 0.5 ** 0.5
 def pose(x, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
     """Return a pose."""
     return x, y, z, *rotation
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    """A clock that a test sets: `clock[0]` (s)."""
-    now = [1000.0]
-    monkeypatch.setattr(feed_module, 'monotonic', lambda: now[0])
-    return now
 
 
 def arm(buffer, stamp, *names):
@@ -360,16 +350,6 @@ def test_texts():
     assert 'parent' in text
     assert 'nan' not in text
     assert '&lt;i&gt; is not available.' in details(placement, '<i>', feed, buffer)
-
-
-@pytest.fixture
-def page(clock):
-    """A function that creates the page of a feed or a buffer, and a viewer of it."""
-    pytest.importorskip('viser')
-    from viewer import Page, StubFeed
-    with ExitStack() as stack:
-        yield lambda shown, **options: Page(
-            shown if isinstance(shown, Feed) else StubFeed(shown), clock, stack, **options)
 
 
 def test_trees_that_change(page):

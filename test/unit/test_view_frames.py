@@ -25,15 +25,6 @@ def dynamic(name, parent, hertz=10):
 
 
 @pytest.fixture
-def there(monkeypatch, tmp_path):
-    """The working directory, which is empty."""
-    path = tmp_path / 'there'
-    path.mkdir()
-    monkeypatch.chdir(path)
-    return path
-
-
-@pytest.fixture
 def bags():
     """The helpers that write bags."""
     return pytest.importorskip('bags')
