@@ -1,8 +1,14 @@
-"""Fixtures: a clock, a page of web_view with a viewer, a working directory."""
+"""Fixtures: what writes bags, a clock, a page of web_view with a viewer, a working directory."""
 
 from contextlib import ExitStack
 
 import pytest
+
+
+@pytest.fixture
+def bags():
+    """The helpers that write bags."""
+    return pytest.importorskip('bags')
 
 
 @pytest.fixture

@@ -594,10 +594,9 @@ def test_a_page_that_is_exported_has_all_shapes(tmp_path):
     assert len({name for name in names if name.startswith('/world/robots/0/')}) == 150
 
 
-def test_an_export_says_which_meshes_are_missing(tmp_path, monkeypatch, capsys):
+def test_an_export_says_which_meshes_are_missing(bags, tmp_path, monkeypatch, capsys):
     """On stderr, with the remedies."""
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
-    bags = pytest.importorskip('bags')
     (tmp_path / 'pkg').mkdir()
     shutil.copy(DATA / 'robots' / 'lfs_pointer.stl', tmp_path / 'pkg')
     names = ['package://pkg/lfs_pointer.stl', *(f'meshes/{i}.stl' for i in range(12))]

@@ -25,9 +25,8 @@ from dummy_arm.grading.sheet import FRAMES
 from puretf import TransformBuffer, TransformException
 
 
-def test_a_bag(tmp_path, capsys):
+def test_a_bag(bags, tmp_path, capsys):
     """The table has a line for each requirement, with what was measured."""
-    bags = pytest.importorskip('bags')
     path = bags.make(tmp_path, 'mcap', Arm().messages())
     assert main(['--bag', str(path)]) == 0
     output, error = capsys.readouterr()
@@ -44,9 +43,8 @@ def test_a_bag(tmp_path, capsys):
     assert not error
 
 
-def test_a_bag_of_a_wrong_arm(tmp_path, failed):
+def test_a_bag_of_a_wrong_arm(bags, tmp_path, failed):
     """The cause stands below its line, the exit code is 1; no ROS is needed."""
-    bags = pytest.importorskip('bags')
     path = bags.make(tmp_path, 'mcap', (
         ('/robot' + topic, time, rows)
         for topic, time, rows in WRONG['joint_2 stays']['exceeded by 3.0°'].messages()))
@@ -63,9 +61,8 @@ def test_a_bag_of_a_wrong_arm(tmp_path, failed):
     assert failed(main, '--bag', str(path))[0] == 1  # nothing is on /tf
 
 
-def test_a_bag_without_times_or_with_damage(tmp_path, capsys):
+def test_a_bag_without_times_or_with_damage(bags, tmp_path, capsys):
     """Stamps are not judged without times; a message that cannot be decoded is left out."""
-    bags = pytest.importorskip('bags')
     messages = [(topic, 0, rows) for topic, _, rows in Arm().messages()]
     path = bags.make(tmp_path, 'mcap', [*messages, ('/tf', 0, b'nonsense')])
     assert main(['--bag', str(path)]) == 1

@@ -502,9 +502,8 @@ def test_a_new_file_has_the_usual_mode(tmp_path):
 
 
 @pytest.fixture
-def walk(tmp_path):
+def walk(bags, tmp_path):
     """The path of a bag."""
-    bags = pytest.importorskip('bags')
     return str(bags.file_of(bags.make(tmp_path, 'mcap', bags.walk(10))))
 
 

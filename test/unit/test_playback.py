@@ -254,9 +254,8 @@ def test_a_time_that_is_not_in_the_bag(controls, text, problem):
 
 
 @pytest.fixture
-def lonely(tmp_path):
+def lonely(bags, tmp_path):
     """A function that reads a bag with descriptions of a robot in two namespaces."""
-    bags = pytest.importorskip('bags')
     text = bags.string('<robot name="r"><link name="lonely"/></robot>')
     path = bags.make(tmp_path, 'mcap', [
         *bags.walk(), ('/left/tf', 100 * S, [bags.row(100 * S, 'map', 'base')]),
@@ -361,9 +360,8 @@ def test_ctrl_c_ends_a_live_recording(monkeypatch, buffer):
             signal.signal(number, handler)
 
 
-def test_a_bag_without_frames_to_show(failed, tmp_path):
+def test_a_bag_without_frames_to_show(bags, failed, tmp_path):
     """It is an error, and no file is written."""
-    bags = pytest.importorskip('bags')
     bag = bags.make(tmp_path / 'bag', 'mcap', [
         ('/tf', T, [bags.row(T, 'a', 'b'), bags.row(T, 'b', 'a')])])
     path = tmp_path / 'loop.html'
@@ -373,9 +371,8 @@ def test_a_bag_without_frames_to_show(failed, tmp_path):
     assert not path.exists()
 
 
-def test_an_export_of_a_bag(capsys, tmp_path):
+def test_an_export_of_a_bag(bags, capsys, tmp_path):
     """The file has all of the bag, or as many seconds as are asked for."""
-    bags = pytest.importorskip('bags')
     bag, path = bags.make(tmp_path / 'bag', 'mcap', bags.walk(4)), tmp_path / 'walk.html'
     for arguments, duration in ([], 4.0), (['--time', '1.5'], 1.5):
         assert main(['--bag', str(bag), '--export', str(path), *arguments]) == 0

@@ -64,9 +64,8 @@ def test_the_precision():
 
 
 @pytest.fixture
-def bag(tmp_path):
+def bag(bags, tmp_path):
     """A bag of a robot that moves."""
-    bags = pytest.importorskip('bags')
     return str(bags.make(tmp_path, 'mcap', bags.walk()))
 
 
@@ -93,9 +92,8 @@ def test_what_a_bag_does_not_have(failed, bag, arguments, why):
     assert error.count('\n') == 1
 
 
-def test_a_time_in_a_hole_of_a_bag(capsys, tmp_path):
+def test_a_time_in_a_hole_of_a_bag(bags, capsys, tmp_path):
     """It is said that the pose is interpolated; a frame in itself never is."""
-    bags = pytest.importorskip('bags')
     times = [*range(100 * S, 102 * S, S // 10), *range(106 * S, 108 * S, S // 10)]
     path = str(bags.make(tmp_path, 'mcap', [
         ('/tf', time, [bags.row(time, 'odom', 'base_link')]) for time in times]))

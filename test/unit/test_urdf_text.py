@@ -17,6 +17,7 @@ ROBOTS = DATA / 'robots'
 @pytest.fixture
 def robots(tmp_path, monkeypatch):
     """A directory with copies of the descriptions, without a ROS environment."""
+    pytest.importorskip('xacro')
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     return shutil.copytree(ROBOTS, tmp_path / 'robots')
 
@@ -31,7 +32,6 @@ def refused(path, *arguments):
 
 def test_dirname_is_left_out(robots):
     """Xacro 2.1.1 does not know it; the remedy is executed."""
-    pytest.importorskip('xacro')
     file = robots / 'top.urdf.xacro'
     error = refused(file)
     assert 'Cannot substitute $(dirname)' in error
@@ -42,7 +42,6 @@ def test_dirname_is_left_out(robots):
 
 def test_a_file_that_is_included_is_named(robots):
     """The error is in it, not in the outermost file."""
-    pytest.importorskip('xacro')
     assert refused(robots / 'top_bad.urdf.xacro') == (
         f"xacro cannot expand {robots}/part_bad.xacro, included from {robots}/top_bad.urdf.xacro: "
         "name 'side' is not defined when evaluating expression 'side'")
@@ -50,7 +49,6 @@ def test_a_file_that_is_included_is_named(robots):
 
 def test_a_macro_of_another_file_is_named(robots):
     """Xacro has left the file that defines it when it is used."""
-    pytest.importorskip('xacro')
     part = robots / 'part_bad.xacro'
     part.write_text(part.read_text().replace('<link', '<xacro:macro name="wheel"><link').replace(
         '</robot>', '</xacro:macro></robot>'))
@@ -62,7 +60,6 @@ def test_a_macro_of_another_file_is_named(robots):
 
 def test_an_argument_of_xacro(robots):
     """A missing one is named, with the form that the commands take."""
-    pytest.importorskip('xacro')
     file = robots / 'arg.urdf.xacro'
     assert refused(file).endswith(
         f'Undefined substitution argument arm_type; write {file} arm_type:=VALUE')
@@ -74,7 +71,6 @@ def test_an_argument_of_xacro(robots):
     ('/any/prefix', "package 'my_sensor_description' not found"), (None, 'ament_index_python')])
 def test_a_package_that_is_not_found(robots, monkeypatch, prefix, cause):
     """The package or the variable is named; a path relative to the file works everywhere."""
-    pytest.importorskip('xacro')
     pytest.importorskip('ament_index_python')
     if prefix is None:
         monkeypatch.setitem(sys.modules, 'ament_index_python.packages', None)
@@ -95,7 +91,6 @@ def test_a_package_that_is_not_found(robots, monkeypatch, prefix, cause):
 
 def test_a_package_that_is_installed(robots, monkeypatch):
     """The remedy "source the setup file of its workspace" sets this variable."""
-    pytest.importorskip('xacro')
     pytest.importorskip('ament_index_python')
     index, share = 'share/ament_index/resource_index/packages', 'share/my_sensor_description/urdf'
     for directory in index, share:
@@ -126,7 +121,6 @@ def test_a_leftover_of_xacro_is_ignored(robots, monkeypatch, is_installed):
 
 def test_elements_of_xacro_in_any_file_are_expanded(robots):
     """If that is possible; a comment has no elements."""
-    pytest.importorskip('xacro')
     file = robots / 'leftover_xacro.urdf'
     text = file.read_text().replace('<xacro:grey/>', '<!-- <xacro:if value="1"> -->')
     file.write_text(text)
@@ -150,7 +144,6 @@ def test_xacro_in_a_text_from_the_network_is_not_run():
     ('<!-- a -- b -->', 'remove -- from its text', '<!-- a  b -->')])
 def test_a_mistake_in_a_file_of_xacro(robots, mistake, remedy, mended):
     """Xacro refuses what tinyxml2 overlooks; the error says what to change."""
-    pytest.importorskip('xacro')
     file = robots / 'part.xacro'
     text = file.read_text().partition('?>')[2]
     file.write_text(mistake + text)
@@ -161,7 +154,6 @@ def test_a_mistake_in_a_file_of_xacro(robots, mistake, remedy, mended):
 
 def test_a_prefix_in_a_file_of_xacro(robots):
     """Xacro refuses one without xmlns."""
-    pytest.importorskip('xacro')
     file = robots / 'part.xacro'
     text = file.read_text().replace('</robot>', '<gz:a/><![CDATA[<b>]]></robot>')
     file.write_text(text)

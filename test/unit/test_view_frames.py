@@ -25,12 +25,6 @@ def dynamic(name, parent, hertz=10):
 
 
 @pytest.fixture
-def bags():
-    """The helpers that write bags."""
-    return pytest.importorskip('bags')
-
-
-@pytest.fixture
 def make_bag(bags, tmp_path):
     """Bags, by `make_bag(kind, messages)`."""
     return lambda kind, messages: str(bags.make(tmp_path / f'robot.{kind}', kind, messages))

@@ -12,10 +12,9 @@ from puretf_tools.commands.web_view import main
 
 
 @pytest.fixture
-def bag(tmp_path):
+def bag(bags, tmp_path):
     """The path of a short bag."""
     pytest.importorskip('viser')
-    bags = pytest.importorskip('bags')
     return str(bags.make(tmp_path / 'bag', 'mcap', bags.walk(1)))
 
 
