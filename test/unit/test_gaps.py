@@ -59,18 +59,6 @@ def test_a_given_limit():
     assert holes(buffer, 'base', 'arm', [1.2], 0) == [None]
 
 
-def test_the_longest_of_several():
-    """As in a recording without its middle part, each edge may have a hole."""
-    buffer = buffer_of(('map', 'odom', [*steps(1, 4), *steps(6, 9)]),
-                       ('odom', 'base', [*steps(1, 3), *steps(7, 9)]),
-                       ('base', 'tool', [*steps(1, 5), *steps(6.5, 9)]))
-    assert [hole and hole.child for hole in holes(
-        buffer, 'map', 'tool', [2.0, 3.5, 5.0, 5.5, 6.8, 8.0])] == [
-            None, *['base'] * 4, None]
-    assert [hole and hole.child for hole in holes(buffer, 'base', 'tool', [5.0, 5.5])] == [
-        None, 'tool']
-
-
 @st.composite
 def moves(draw):
     """The stamps of base, each with its parent (odom or cart), and the stamps of both."""

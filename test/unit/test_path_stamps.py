@@ -25,17 +25,6 @@ def stamps_of(buffer, target, source):
     return [stamp / S for stamp in buffer.path_stamps(target, source).tolist()]
 
 
-def test_an_edge_counts_while_it_is_on_the_path():
-    """A cup stands on a table, is in a hand from 3 s on, and stands on a shelf from 5 s on."""
-    buffer = buffer_of(
-        ('map', 'table', None), ('map', 'hand', [0.5, 1.5, 2.5, 3.5, 4.5, 5.5]),
-        ('table', 'cup', [1.0, 2.0]), ('hand', 'cup', [3.0, 4.0]), ('shelf', 'cup', [5.0]),
-        ('map', 'shelf', [0.25, 6.0]))
-    assert stamps_of(buffer, 'map', 'cup') == [1.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0]
-    assert stamps_of(buffer, 'table', 'cup') == [1.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0]
-    assert stamps_of(buffer, 'hand', 'cup') == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 5.5, 6.0]
-
-
 def test_a_loop_is_no_path():
     """It is not followed forever; frames on the loop have a path."""
     buffer = buffer_of(('a', 'b', [1.0]), ('b', 'a', [2.0]), ('c', 'd', [3.0]))

@@ -7,12 +7,13 @@ test_viser_private.py, test_fast_dds.py and test_cyclone_dds.py.
 
 from argparse import ArgumentParser
 import ast
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 import re
 import sys
-from threading import RLock, Thread
+from threading import RLock
 from typing import Any
 
 from environment import ROOT
@@ -110,17 +111,13 @@ def test_a_middleware_is_used_by_one_file(name, file):
 def test_a_lock_knows_whether_this_thread_holds_it():
     """`RLock._is_owned` distinguishes a nested call from a call in another thread."""
     lock: Any = RLock()
-    owned: list[bool] = []
-    owned.append(lock._is_owned())
-    with lock:
+    assert not lock._is_owned()
+    with lock, ThreadPoolExecutor(1) as other:
         with lock:
-            owned.append(lock._is_owned())
-        owned.append(lock._is_owned())
-        thread = Thread(target=lambda: owned.append(lock._is_owned()))
-        thread.start()
-        thread.join()
-    owned.append(lock._is_owned())
-    assert owned == [False, True, True, False, False]
+            assert lock._is_owned()
+        assert lock._is_owned()
+        assert not other.submit(lock._is_owned).result()
+    assert not lock._is_owned()
 
 
 def test_a_parser_knows_its_options_and_what_is_a_negative_number():

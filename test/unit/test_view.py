@@ -746,20 +746,16 @@ def test_each_viewer_has_settings_of_its_own(page):
     shown.update()
 
 
-def test_a_feed_is_watched_while_nobody_looks():
+def test_a_feed_is_watched_while_nobody_looks(monkeypatch):
     """Otherwise, what has arrived until the first viewer comes would be lost."""
     from viewer import StubFeed
 
     from puretf_tools.view.server import serve
     from puretf_tools.view.view import View
-    watched: list[float] = []
-
-    class Watched(StubFeed):
-        def watch(self, now: float) -> None:
-            watched.append(now)
-
+    feed, watched = StubFeed(TransformBuffer()), list[float]()
+    monkeypatch.setattr(feed, 'watch', watched.append)
     with serve('127.0.0.1') as server:
-        View(Watched(TransformBuffer()), server, lambda: 1000.0).update()
+        View(feed, server, lambda: 1000.0).update()
     assert watched == [1000.0]
 
 
