@@ -119,17 +119,12 @@ def test_decoded_messages(tmp_path, kind):
     assert decoded(path, 'none') == []
 
 
-def read_topics(path, **kwargs):
-    """Read a bag; return the number of TF messages, and the topics."""
-    with bag.open(path, **kwargs) as opened:
-        return len([*opened.messages(headers=True)]), opened.topics
-
-
 def topics_of(path, **kwargs):
     """Read a bag; return the number of TF messages, and the frames of other topics."""
-    count, topics = read_topics(path, **kwargs)
+    with bag.open(path, **kwargs) as opened:
+        count = len([*opened.messages(headers=True)])
     return count, {topic.name: None if topic.has_header is None else {*topic.headers.frames}
-                   for topic in topics if topic.name not in ('/tf', '/tf_static')}
+                   for topic in opened.topics if topic.name not in ('/tf', '/tf_static')}
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -377,9 +372,10 @@ def test_another_type_beside_transforms(tmp_path, logs, kind):
     assert [frame.name for frame in read(path).frames()] == ['odom']
     (record,) = logs
     assert f'/tf has the type {POINT}, not {bags.TF}: ' in record.getMessage()
-    count, topics = read_topics(path)
-    assert count == 1
-    assert ('/tf', POINT, False) in [(topic.name, topic.msgtype, topic.is_tf) for topic in topics]
+    with bag.open(path) as opened:
+        assert len([*opened.messages()]) == 1
+        assert ('/tf', POINT, False) in [
+            (topic.name, topic.msgtype, topic.is_tf) for topic in opened.topics]
 
 
 def test_control_characters_of_a_bag(tmp_path):

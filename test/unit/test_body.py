@@ -369,8 +369,7 @@ def test_many_missing_meshes(page, tmp_path, monkeypatch):
                                 for package in ('left', 'right') for i in range(20)))
                    for name in ('base', 'arm')))
     shown = page(buffer_of('map base', 'base arm'), body, [str(tmp_path)], shapes=80)
-    says(shown, f'left/base_0.stl: there is no such file below {tmp_path}: pass --meshes DIR, '
-         'where DIR has the package or the file<br>')
+    says(shown, f'left/base_0.stl: there is no such file below {tmp_path}: ')
     assert '<br>and 50 more lines</details>' in shown.viewer.text('robot')
     nodes = shown.viewer.nodes
     sign, = [node for name, node in nodes.items() if name.endswith('/sign')]

@@ -510,10 +510,7 @@ def test_what_is_displayed(page, clock):
 
 def test_the_camera_moves_to_frames(page):
     """To those that are not hidden, or to the selected one; a narrow page needs a distance."""
-    from viewer import CAMERA
-    buffer = TransformBuffer()
-    arm(buffer, T, 'map', 'base', 'hand', 'tip')  # 1 m apart, along x
-    shown = page(buffer)
+    shown = page(chain('map', 'base', 'hand', 'tip'))  # 1 m apart, along x
 
     def camera():
         return shown.viewer.last.get('SetCameraLookAtMessage', {}).get(
@@ -530,7 +527,7 @@ def test_the_camera_moves_to_frames(page):
     shown.update()
     shown.viewer.set('View', 'all')
     shown.until(lambda: camera()[0][0] < 1.0)
-    shown.viewer.send({**CAMERA, 'image_width': 390, 'image_height': 800})
+    shown.viewer.send({**shown.viewer.camera, 'image_width': 390, 'image_height': 800})
     shown.viewer.press('F')
     shown.until(lambda: camera()[0][2] == height and 3.6 < camera()[1] < 3.8)  # 0.5 m * 3.6 / 0.49
 
@@ -641,7 +638,6 @@ def test_a_new_origin(page, follow):
 
 def test_the_first_camera(page, clock):
     """It shows where the frames go in the first seconds, and again after a resize."""
-    from viewer import CAMERA
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'base', pose(0.0), is_static=True)
     shown = page(buffer)
@@ -655,7 +651,7 @@ def test_the_first_camera(page, clock):
     assert viewer.last['SetCameraLookAtMessage']['look_at'][0] < -3.5
     target = shown.server.initial_camera.look_at.tolist()
     there = shown.server.initial_camera.position.tolist()
-    wide = {**CAMERA, 'position': there, 'look_at': target}
+    wide = {**viewer.camera, 'position': there, 'look_at': target}
     viewer.last.clear()
     viewer.storage['page'] = '390 800 0 0'
     viewer.send({**wide, 'image_width': 1170, 'image_height': 1200})
@@ -672,15 +668,14 @@ def test_the_first_camera(page, clock):
 
 def test_a_late_report_of_the_camera(page, clock):
     """It says where the camera was before: nobody has moved it since, so it shows all frames."""
-    from viewer import CAMERA
     buffer = TransformBuffer()
     buffer.insert(T, 'map', 'base', pose(0.0), is_static=True)
     shown = page(buffer)
-    viewer, before = shown.viewer, CAMERA['position']
+    viewer, before = shown.viewer, shown.viewer.camera['position']
     shown.until(viewer.distance)
     for x, seconds in (10.0, 1.0), (20.0, 4.0):
         last = viewer.last['SetCameraPositionMessage']['position']
-        viewer.send({**CAMERA, 'position': before})
+        viewer.send({**viewer.camera, 'position': before})
         shown.set('Grid', False)  # so that the server has handled the message before
         before = last
         buffer.insert(T, 'map', f'at {x}', pose(x), is_static=True)
@@ -700,19 +695,19 @@ def test_the_first_camera_shows_where_frames_have_been(page):
 
 def test_names_that_would_cover_others(page):
     """They are left out on a small page, but not that of the selected frame."""
-    from viewer import CAMERA
     buffer = TransformBuffer()
     for i in range(4):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0, 0.1 + 0.06 * i), is_static=True)
     shown = page(buffer)
-    shown.until(lambda: len(shown.viewer.names()) == 5)
-    shown.viewer.send({**CAMERA, 'position': [3.0, 0.0, 0.0], 'wxyz': [0.5, 0.5, -0.5, -0.5],
-                       'image_width': 800, 'image_height': 600})
-    shown.until(lambda: len(shown.viewer.names()) < 4)
+    viewer = shown.viewer
+    shown.until(lambda: len(viewer.names()) == 5)
+    viewer.send({**viewer.camera, 'position': [3.0, 0.0, 0.0], 'wxyz': [0.5, 0.5, -0.5, -0.5],
+                 'image_width': 800, 'image_height': 600})
+    shown.until(lambda: len(viewer.names()) < 4)
     for name in 'post_1', 'post_3':
-        shown.viewer.set('Frame', name)
-        shown.until(lambda: name in shown.viewer.names())  # noqa: B023
-        assert len(shown.viewer.names()) < 4
+        viewer.set('Frame', name)
+        shown.until(lambda: name in viewer.names())  # noqa: B023
+        assert len(viewer.names()) < 4
 
 
 @pytest.mark.parametrize('fixed', ['map', 'base', 'tip'])
@@ -1240,7 +1235,7 @@ def test_the_time_of_a_bag_stays(page, clock):
     for second in range(11):
         buffer.insert(T + second * S, 'map', 'base', pose(second))
     shown = page(BagFeed(buffer, 'bag'), storage={
-        key: json.dumps({'Time': T + 7 * S}) for key in ('bag 0',)})
+        'bag 0': json.dumps({'Time': T + 7 * S})})
     shown.until(lambda: shown.viewer.names().get('base', [0])[0] >= 7)
 
 
