@@ -168,13 +168,12 @@ def test_definitions_of_types(tmp_path, definition, frames):
     "UPDATE message_definitions SET encoding = ''", 'DROP TABLE message_definitions',
     "UPDATE topics SET offered_qos_profiles = '- history: 3'",
     "UPDATE topics SET offered_qos_profiles = '[}'",
-    'ALTER TABLE topics DROP offered_qos_profiles',
-    ])
+    'ALTER TABLE topics DROP offered_qos_profiles'])
 def test_parts_of_a_database_that_are_optional(tmp_path, statement):
     """Where definitions are missing, those of rosbags are used; the QoS may be incomplete."""
     path = bags.make(tmp_path, 'db3', [
         *bags.walk(), ('/point', 300 * S, bags.point('laser'), POINT)])
-    change(bags.file_of(path), *statement.split('; '))
+    change(bags.file_of(path), statement)
     assert topics_of(path) == (102, {'/point': {'laser'}})
 
 

@@ -4,12 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from puretf import (
-    InvalidArgumentException,
-    LookupException,
-    TransformBuffer,
-    TransformException,
-)
+from puretf import InvalidArgumentException, LookupException, TransformBuffer, TransformException
 
 S = 10**9
 T = 1_700_000_000 * S

@@ -10,13 +10,7 @@ from puretf import Frame
 from puretf._core.pose import Row
 from puretf._wire import cdr
 from puretf_tools.inspection.stamp_clock import StampClock
-from puretf_tools.inspection.traffic import (
-    NodeTraffic,
-    rate,
-    rate_of,
-    Summary,
-    Traffic,
-)
+from puretf_tools.inspection.traffic import NodeTraffic, rate, rate_of, Summary, Traffic
 
 S, MS = 10**9, 10**6
 NOW = 1_700_000_000 * S

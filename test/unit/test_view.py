@@ -29,6 +29,14 @@ def arm(buffer, stamp, *names):
         buffer.insert(stamp, parent, child, pose(1.0))
 
 
+def moving(step):
+    """Return a buffer in which base moves by 1 m along x in each of ten steps (ns)."""
+    buffer = TransformBuffer(10**18)
+    for i in range(11):
+        buffer.insert(T + i * step, 'map', 'base', pose(i))
+    return buffer
+
+
 def chain(*names):
     """Return a buffer with a chain of frames."""
     buffer = TransformBuffer()
@@ -1034,9 +1042,7 @@ def test_a_click_selects_a_frame(page, what):
 
 def test_a_bag_is_played(page, clock):
     """A viewer sets the time; many names are hidden at first; the dropdowns keep all names."""
-    buffer = TransformBuffer(10**18)
-    for second in range(11):
-        buffer.insert(T + second * S, 'map', 'base', pose(second))
+    buffer = moving(S)
     for i in range(60):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0, i), is_static=True)
     buffer.insert(T + 9 * S, 'map', 'late', pose(0.0))
@@ -1231,10 +1237,7 @@ def test_an_error_of_one_viewer(page, monkeypatch, logs):
 
 def test_the_time_of_a_bag_stays(page, clock):
     """After a restart, the page goes on where it was, unless somebody else looks at the bag."""
-    buffer = TransformBuffer(10**18)
-    for second in range(11):
-        buffer.insert(T + second * S, 'map', 'base', pose(second))
-    shown = page(BagFeed(buffer, 'bag'), storage={
+    shown = page(BagFeed(moving(S), 'bag'), storage={
         'bag 0': json.dumps({'Time': T + 7 * S})})
     shown.until(lambda: shown.viewer.names().get('base', [0])[0] >= 7)
 
@@ -1260,10 +1263,7 @@ def test_the_pair(page):
 
 def test_the_keys(page):
     """P pauses, B and N step, A, F and T move the camera; a button forgets the transforms."""
-    buffer = TransformBuffer(40 * S)
-    for second in range(11):
-        buffer.insert(T + second * S // 10, 'map', 'base', pose(second))
-    shown = page(buffer)
+    shown = page(moving(S // 10))
     viewer = shown.viewer
     shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
     for key, x in ('B', 9), ('B', 8), ('N', 9), ('P', 10):
@@ -1306,9 +1306,7 @@ def test_the_grid_and_the_trail(page):
 @pytest.mark.parametrize(('is_bag', 'seconds', 'x'), [(False, -0.3, 7), (True, 0.3, 3)])
 def test_a_click_in_a_plot(page, is_bag, seconds, x):
     """The page pauses, and shows the time there."""
-    buffer = TransformBuffer(40 * S)
-    for step in range(11):
-        buffer.insert(T + step * S // 10, 'map', 'base', pose(step))
+    buffer = moving(S // 10)
     shown = page(BagFeed(buffer, 'bag') if is_bag else buffer,
                  view='{"A": "map", "B": "base", "Plot over": "20 s"}')
     viewer = shown.viewer
