@@ -11,19 +11,12 @@ import pytest
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from ros_node import run_in_thread, stamped
 from std_msgs.msg import Empty
 
-from puretf import (
-    Buffer,
-    FilterFailureReason,
-    MessageFilter,
-    TransformBroadcaster,
-    TransformListener,
-)
+from puretf import Buffer, FilterFailureReason, MessageFilter, TransformBroadcaster
 from puretf._core.engine import engine_of
 from puretf._ros.rclpy_private import guard_condition
 
@@ -244,10 +237,9 @@ def test_the_input_can_be_replaced(ros):
 
 
 @pytest.mark.parametrize('by_node', [False, True])
-def test_it_ends(ros, by_node):
+def test_it_ends(ros, make_node, by_node):
     """It ends with its node, or by unregister; no callback is called any more."""
-    node = Node('other', context=ros.context)
-    ros.executor.add_node(node)
+    node = make_node('other', is_spun=True)
     setup = Setup(ros, node=node, buffer=Buffer(), source=(PointStamped, 'points', 10),
                   buffer_timeout=Duration(seconds=100))
     setup.add(point(1 * S), point(2 * S, ''))
@@ -264,31 +256,27 @@ def test_it_ends(ros, by_node):
     assert setup.failures() == []
     with pytest.raises(RuntimeError, match='the filter has ended'):
         setup.filter.connectInput(setup.filter)
-    if not by_node:
-        node.destroy_node()
 
 
-def test_messages_of_a_node_that_ends(ros):
+def test_messages_of_a_node_that_ends(ros, other):
     """A message may be added while the node is being destroyed."""
-    node = Node('other', context=ros.context)
     added: list[bool] = []
 
     def add():
         setup.add(point(1 * S))
         added.append(True)
 
-    guard_condition(node, node.default_callback_group, add)  # it is destroyed first
-    setup = Setup(ros, node=node, buffer=Buffer(), buffer_timeout=Duration(seconds=100))
-    node.destroy_node()
+    guard_condition(other, other.default_callback_group, add)  # it is destroyed first
+    setup = Setup(ros, node=other, buffer=Buffer(), buffer_timeout=Duration(seconds=100))
+    other.destroy_node()
     assert added
     assert not engine_of(setup.buffer).is_awaited
 
 
-def test_time_that_jumps_back(ros):
+def test_time_that_jumps_back(ros, make_node):
     """The messages that wait, and those that are due, are dropped without a failure."""
-    node = Node('simulated', context=ros.context, parameter_overrides=[
+    node = make_node('simulated', is_spun=True, parameter_overrides=[
         Parameter('use_sim_time', value=True)])
-    ros.executor.add_node(node)
     setup = Setup(ros, node=node)
     clock: Any = node.get_clock()
 
@@ -308,8 +296,6 @@ def test_time_that_jumps_back(ros):
     assert setup.failures() == []
     setup.add(point(102 * S))
     assert setup.stamps() == [101 * S, 102 * S]
-    ros.executor.remove_node(node)
-    node.destroy_node()
 
 
 def test_dropped_messages_are_logged(ros, capfd):
@@ -368,41 +354,38 @@ def test_wrong_arguments(ros):
             getattr(message_filter, name)(None)
 
 
-def test_over_dds_while_the_listener_inserts(ros):
+def test_over_dds_while_the_listener_inserts(ros, listening):
     """
     In the callback, which the executor's thread calls, a lookup needs no timeout.
 
     As with a subscription, the program need not keep a reference to the filter.
     """
-    buffer = Buffer(node=ros.node)
-    listener = TransformListener(buffer, ros.node)
     broadcaster = TransformBroadcaster(ros.node)
     passed = []
 
     def use(message):
-        buffer.transform(message, 'map')
+        listening.transform(message, 'map')
         passed.append((stamp_of(message), threading.get_ident()))
 
-    MessageFilter((PointStamped, 'points', 10), buffer, 'map', 10, ros.node).registerCallback(use)
+    MessageFilter(
+        (PointStamped, 'points', 10), listening, 'map', 10, ros.node).registerCallback(use)
     gc.collect()
     publisher = ros.node.create_publisher(PointStamped, 'points', 10)
     ros.until(lambda: publisher.get_subscription_count()
               and broadcaster.pub_tf.get_subscription_count())
     for stamp in range(1, 6):
         publisher.publish(point(stamp * S))
-        ros.until(lambda: engine_of(buffer).is_awaited)
+        ros.until(lambda: engine_of(listening).is_awaited)
         broadcaster.sendTransform(stamped('map', 'laser', stamp * S))
         ros.until(lambda: len(passed) == stamp)  # noqa: B023
     assert passed == [(stamp * S, threading.get_ident()) for stamp in range(1, 6)]
-    listener.unregister()
 
 
-def test_a_filter_of_another_executor(ros):
+def test_a_filter_of_another_executor(ros, other):
     """The filter wakes the executor of its own node, not that of the listener's node."""
-    node = Node('filtering', context=ros.context)
     executor = SingleThreadedExecutor(context=ros.context)
-    executor.add_node(node)
-    setup = Setup(ros, node=node, buffer=Buffer(node=ros.node))
+    executor.add_node(other)
+    setup = Setup(ros, node=other, buffer=Buffer(node=ros.node))
 
     def spin():
         while not setup.passed:
@@ -416,4 +399,3 @@ def test_a_filter_of_another_executor(ros):
     assert len(run_in_thread(spin)) == 1
     inserting.join()
     executor.shutdown()
-    node.destroy_node()
