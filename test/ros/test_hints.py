@@ -10,7 +10,6 @@ import weakref
 from processes import ARM, reserved_domain
 import pytest
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
@@ -32,25 +31,6 @@ from puretf.publisher_listener import PublisherListener
 
 S = 10**9
 FUTURE = 'More: tf_doctor --explain future'
-
-
-@pytest.fixture
-def other(stranger):
-    """A node of another participant."""
-    return stranger.node
-
-
-@pytest.fixture
-def buffer(listening):
-    """The buffer of a program."""
-    return listening
-
-
-@pytest.fixture
-def passing(monkeypatch):
-    """Let time since the last arrival pass by `passing(seconds)`."""
-    return lambda seconds: monkeypatch.setattr(
-        'puretf._core.failures.monotonic_ns', lambda: monotonic_ns() + seconds * S)
 
 
 def error_of(buffer, time=0, source='base'):
@@ -90,7 +70,7 @@ def logged(capfd, text):
     return is_logged
 
 
-def test_nothing_at_all(ros, buffer, start, monkeypatch):
+def test_nothing_at_all(ros, listening, start, monkeypatch):
     """The domain, and the other domains in which processes run."""
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.0)
     monkeypatch.setattr('puretf._causes.domains.comma_list', ', '.join)  # other tests run, too
@@ -99,8 +79,8 @@ def test_nothing_at_all(ros, buffer, start, monkeypatch):
         process.line_with('t = 0')
         ros.until(lambda: (
             'No transform has been received yet. 0 publishers on /tf and /tf_static were found in '
-            f'ROS domain {ros.domain}.') in str(error_of(buffer)))
-        text = str(error_of(buffer))
+            f'ROS domain {ros.domain}.') in str(error_of(listening)))
+        text = str(error_of(listening))
         assert re.search(rf'programs run in other ROS domains: .*{domain} \(PID {process.pid}: ',
                          text)
         assert 'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines.' in text
@@ -199,11 +179,12 @@ def test_a_lookup_that_blocks_a_node_in_the_same_executor(ros, make_node, waving
 
 
 @pytest.mark.parametrize('child', ['other', 'nobody'])
-def test_a_frame_of_another_node_is_not_that_of_the_blocked_one(ros, other, waving, child):
+def test_a_frame_of_another_node_is_not_that_of_the_blocked_one(ros, stranger, waving, child):
     """It has ended, or never was there."""
     node = waving(SingleThreadedExecutor(context=ros.context))
     if child == 'other':
-        other.destroy_publisher(send(ros, other, node.buffer, now_of(ros), frame='other'))
+        stranger.node.destroy_publisher(
+            send(ros, stranger.node, node.buffer, now_of(ros), frame='other'))
     text = node.result_in_a_callback(lambda: node.look_up(child))
     assert 'published by this node' not in text
     assert ('Nobody publishes on /tf but this node, which cannot while' in text
@@ -279,26 +260,26 @@ def test_a_listener_that_is_not_latched(ros):
     listener.unregister()
 
 
-def test_a_node_that_has_ended(ros, other, passing):
+def test_a_node_that_has_ended(ros, stranger, monkeypatch):
     """The PublisherListener knows which publisher has sent the newest transform."""
     buffer = Buffer(node=ros.node)
     listener = PublisherListener(buffer, ros.node)
     latest = now_of(ros) - 5 * S
-    publisher = send(ros, other, buffer, latest - S, latest)
-    passing(4)
+    publisher = send(ros, stranger.node, buffer, latest - S, latest)
+    monkeypatch.setattr('puretf._core.failures.monotonic_ns', lambda: monotonic_ns() + 4 * S)
     ros.until(lambda: ' s ago. Publisher: /test.' in str(error_of(buffer, latest + S)))
     ros.until(listener.publishers)
-    other.destroy_publisher(publisher)
+    stranger.node.destroy_publisher(publisher)
     ros.until(lambda: '/test, which has published it, has ended. Start /test again.'
               in str(error_of(buffer, latest + S)))
     listener.unregister()
 
 
-def test_an_old_transform_is_logged_with_its_node(ros, other, capfd):
+def test_an_old_transform_is_logged_with_its_node(ros, stranger, capfd):
     """The authority of a PublisherListener is a gid; the node follows."""
     buffer = Buffer(node=ros.node)
     listener = PublisherListener(buffer, ros.node)
-    publisher = send(ros, other, buffer, 100 * S)
+    publisher = send(ros, stranger.node, buffer, 100 * S)
     ros.until(lambda: ('/test', '/tf') in listener.publishers().values())
     publisher.publish(TFMessage(transforms=[stamped('map', 'base', 50 * S)]))
     ros.until(logged(capfd, 'Publisher: /test. More: tf_doctor --explain old_data'))
@@ -306,26 +287,20 @@ def test_an_old_transform_is_logged_with_its_node(ros, other, capfd):
 
 
 @pytest.mark.parametrize('is_shut_down', [False, True])
-def test_an_error_is_read_after_the_end_of_the_node(domain_id, is_shut_down):
+def test_an_error_is_read_after_the_end_of_the_node(stranger, is_shut_down):
     """Then nothing is known of the graph; the text is complete all the same."""
-    context = Context()
-    context.init(domain_id=domain_id)
-    node = Node('short', context=context)
-    buffer = Buffer(node=node)
-    listener = TransformListener(buffer, node)
+    buffer = Buffer(node=stranger.node)
+    listener = TransformListener(buffer, stranger.node)
     for stamp in S, 2 * S:
         buffer.set_transform(stamped('map', 'base', stamp), 'test')
     error = error_of(buffer, 3 * S)
     if is_shut_down:
-        context.shutdown()
+        stranger.context.shutdown()
     else:
-        node.destroy_node()
+        stranger.node.destroy_node()
     assert isinstance(error, ExtrapolationException)
     assert str(error).endswith(FUTURE)
     listener.unregister()
-    if is_shut_down:
-        node.destroy_node()
-    context.try_shutdown()
 
 
 def test_an_unread_error_keeps_no_buffer(ros):
