@@ -12,7 +12,6 @@ from geometry_msgs.msg import TransformStamped
 from messages import golden_messages, ignore
 from processes import TIMEOUT
 import pytest
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle, InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -201,7 +200,7 @@ def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
     before = {*ros.node.guards}
     thread = ListenerThread(
         ros.node, ros.node.default_callback_group, MessageWait(ros.node, tf_static, tf), work,
-        ignore_nothing, ignore_nothing, lambda: now)
+        ignore, ignore, lambda: now)
     (guard,) = {*ros.node.guards} - before
     guard.trigger = lambda: wakes.append(now)
 
@@ -224,10 +223,6 @@ def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
     thread.end()
     tf.destroy()
     tf_static.destroy()
-
-
-def ignore_nothing():
-    """Do nothing."""
 
 
 @pytest.mark.parametrize('with_node', [True, False])
@@ -270,22 +265,16 @@ def test_messages_from_before_a_clear_are_not_inserted_after_it(sender, listen):
 
 
 @pytest.mark.parametrize('spin_thread', [True, False])
-def test_a_shutdown_ends_lookups_of_a_listener_that_calls_back(domain_id, spin_thread):
+def test_a_shutdown_ends_lookups_of_a_listener_that_calls_back(stranger, spin_thread):
     """It does so although the buffer does not know the context."""
-    class Own(TransformListener):
-        def callback(self, data):
-            pass
-
-    context = Context()
-    context.init(domain_id=domain_id)
-    node, buffer = Node('calls_back', context=context), TransformBuffer()
-    listener = Own(buffer, node, spin_thread=spin_thread)
+    buffer = TransformBuffer()
+    listener = Ignoring(buffer, stranger.node, spin_thread=spin_thread)
     found = []
     thread = threading.Thread(target=lambda: found.append(
         buffer.can_transform('map', 'robot', timeout=int(30 * TIMEOUT) * 10**9)))
     thread.start()
     eventually(lambda: engine_of(buffer).is_awaited)
-    context.shutdown()
+    stranger.context.shutdown()
     thread.join(TIMEOUT)
     assert found == [False]
     listener.unregister()
@@ -644,12 +633,9 @@ def own(make_node):
 
 
 @pytest.mark.parametrize('end', ['unregister', 'destroy_node', 'shutdown'])
-def test_a_thread_spins_the_node_until_the_end(domain_id, sender, end):
+def test_a_thread_spins_the_node_until_the_end(stranger, sender, end):
     """It calls the callbacks, and other callbacks of the node; then the thread ends."""
-    context = Context()
-    context.init(domain_id=domain_id)
-    node = Node('test', context=context, namespace='/own')
-    is_spun = threading.Event()
+    node, is_spun = stranger.node, threading.Event()
     node.create_timer(0.0, is_spun.set)
     buffer = Buffer(node=node)
     listener = Recording(buffer, node, spin_thread=True)
@@ -658,11 +644,9 @@ def test_a_thread_spins_the_node_until_the_end(domain_id, sender, end):
     assert {*listener.threads} == {*threads_of_listeners()}
     assert is_spun.wait(TIMEOUT)
     {'unregister': listener.unregister, 'destroy_node': node.destroy_node,
-     'shutdown': context.try_shutdown}[end]()
+     'shutdown': stranger.context.shutdown}[end]()
     eventually(lambda: not threads_of_listeners())
     listener.unregister()
-    node.destroy_node()
-    context.try_shutdown()
 
 
 def test_a_callback_may_end_the_listener_and_its_node(ros, sender, own):
@@ -721,7 +705,7 @@ def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, 
     now = 1000.0
     tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, QoSProfile(depth=depth),
                                ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
-    source = Source(tf_static, tf, ignore, ignore_nothing, lambda: now)
+    source = Source(tf_static, tf, ignore, ignore, lambda: now)
     source.take()
     now += seconds
     assert source.next_pause() == pytest.approx(expected)
@@ -770,35 +754,27 @@ def test_all_that_had_arrived_is_there_after_the_end(sender, own, listen, end):
     assert buffer.get_latest_common_time('map', 'robot') == at(20)
 
 
-def test_a_shutdown_without_callbacks_ends_the_spin(domain_id):
+def test_a_shutdown_without_callbacks_ends_the_spin(stranger):
     """Ctrl-C shuts down this way, which does not always wake an executor that is spinning."""
-    context = Context()
-    context.init(domain_id=domain_id)
-    node = Node('spun', context=context)
-    listener = TransformListener(Buffer(node=node), node)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
+    listener = TransformListener(Buffer(node=stranger.node), stranger.node)
     is_spinning = threading.Event()
 
     def shut_down():
         is_spinning.wait()
         time.sleep(0.5)  # it is likely that the executor waits by then
-        assert context.handle is not None
-        context.handle.shutdown()  # this calls no shutdown callbacks
+        stranger.context.handle.shutdown()  # this calls no shutdown callbacks
 
     def spin():
         with pytest.raises(ExternalShutdownException):
-            executor.spin()
+            stranger.executor.spin()
         return True
 
-    executor.create_task(is_spinning.set)
+    stranger.executor.create_task(is_spinning.set)
     thread = threading.Thread(target=shut_down)
     thread.start()
     assert run_in_thread(spin)
     thread.join()
     listener.unregister()
-    executor.shutdown()
-    node.destroy_node()
 
 
 def test_the_node_name_is_free_at_once_after_destroy_node(ros, capfd):

@@ -22,7 +22,7 @@ def golden_messages() -> list[dict[str, Any]]:
     return cases
 
 
-def ignore(_message: object) -> None:
+def ignore(_message: object = None) -> None:
     """Do nothing; a callback with a signature, which `print` lacks on Python 3.10."""
 
 
