@@ -7,8 +7,7 @@ from typing import Any
 from processes import tool
 import pytest
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_node import command_node
+from ros_node import command_node, LATCHED
 
 from puretf import TFMessage
 from puretf_tools.commands import static_transform_publisher
@@ -26,9 +25,7 @@ def publish(domain_id, monkeypatch):
         def run_node(make_node, ros_args, namespace):
             with command_node(make_node, domain_id, *ros_args[1:]) as (node, ros):
                 messages: list[TFMessage] = []
-                ros.node.create_subscription(
-                    TFMessage, '/tf_static', messages.append,
-                    QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+                ros.node.create_subscription(TFMessage, '/tf_static', messages.append, LATCHED)
                 ros.until(lambda: messages)
                 results.extend((*messages[0].transforms, node.get_name()))
             return 0

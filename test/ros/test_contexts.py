@@ -48,11 +48,11 @@ def test_two_contexts(domain_id, is_elsewhere, ended):
 
     def send_until(i, condition):
         """Send the frame of a context until a condition holds."""
-        deadline = time.monotonic() + TIMEOUT
-        while not condition():
-            assert time.monotonic() < deadline
+        def holds():
             senders[i].sendTransform(moving(f'frame_{i}'))
-            time.sleep(0.01)
+            return condition()
+
+        eventually(holds)
 
     for i, buffer in enumerate(buffers):
         send_until(i, lambda: buffer.can_transform('map', f'frame_{i}', LATEST))  # noqa: B023
@@ -75,8 +75,7 @@ def test_two_contexts(domain_id, is_elsewhere, ended):
     for thread in waiting:
         thread.start()
     stays = 1 - ended
-    while not all(engine_of(buffer).is_awaited for buffer in buffers):
-        time.sleep(0.01)
+    eventually(lambda: all(engine_of(buffer).is_awaited for buffer in buffers))
     contexts[ended].shutdown()
     waiting[ended].join()
     assert ends[ended].keys() == {'error'}

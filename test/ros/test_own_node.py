@@ -6,7 +6,6 @@ import re
 from endings import end_in_every_order, without_library_lines
 import pytest
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from ros_node import eventually, stamped
@@ -43,12 +42,9 @@ def without_a_part(monkeypatch):
 
 
 @pytest.fixture
-def remapped(ros):
+def remapped(make_node):
     """A node that nobody spins, in a namespace and with another topic for /tf."""
-    node = Node('robot', namespace='/a', context=ros.context,
-                cli_args=['--ros-args', '-r', '/tf:=/other'])
-    yield node
-    node.destroy_node()
+    return make_node('robot', namespace='/a', cli_args=['--ros-args', '-r', '/tf:=/other'])
 
 
 def own_nodes(node):
@@ -65,11 +61,11 @@ def test_each_part_may_be_missing(ros, monkeypatch, capfd, name):
     assert line.startswith(f'differs from 7.1 and 9.1 in {name}. So transforms ')
 
 
-def test_a_listener(ros, remapped):
+def test_a_listener(ros, make_node, remapped):
     """Remapping applies; the listener and its node end with the node of the user."""
     buffer = Buffer(node=remapped)
     listener = PublisherListener(buffer, remapped)
-    other = Node('sender', context=ros.context, cli_args=['--ros-args', '-r', '/tf:=/other'])
+    other = make_node('sender', cli_args=['--ros-args', '-r', '/tf:=/other'])
     broadcaster = TransformBroadcaster(other)
     future = buffer.wait_for_transform_async('map', 'tool', LATEST)
     StaticTransformBroadcaster(other).sendTransform(stamped('arm', 'tool'))

@@ -5,16 +5,14 @@ from types import SimpleNamespace
 from geometry_msgs.msg import PointStamped
 from messages import ignore
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
+from ros_node import LATCHED
 from std_msgs.msg import Empty, String
 
 from puretf._ros import topic_watch
 from puretf.publisher_listener import TopicReader, TopicWatch
 from puretf_tools.inspection import header_sampler
 from puretf_tools.inspection.header_sampler import HeaderSampler
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture(autouse=True)
