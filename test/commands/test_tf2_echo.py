@@ -120,3 +120,21 @@ def test_a_failure_is_printed_and_it_goes_on(ros):
     assert re.search(r" 'robot' in the tree with root 'elsewhere'\. .*More: ", first)
     assert {*others} == {first.split(" 'map' is in the tree with root ")[0]}
     assert 'Frame robot exists with parent elsewhere.\n' in output
+
+
+def test_names_of_others_cannot_control_the_terminal(ros):
+    """The error about a loop lists all frames, each in a line of its own."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform([stamped('map', 'tool\x1b[31m'), stamped('a\x1b[2J', 'b\x07')])
+    loop = [stamped('b\x07', 'a\x1b[2J'), stamped('a\x1b[2J', 'tool\x1b[31m')]
+
+    def until(text):
+        if 'At time 0.0' in text and loop:
+            broadcaster.sendTransform([loop.pop(), loop.pop()])
+        return r'Frame b\x07 exists with parent a\x1b[2J.' in text
+
+    result = call(main, 'map', 'tool\x1b[31m', domain=ros.domain, until=until)
+    text = result.stdout + result.stderr
+    assert 'Exception thrown' in text
+    assert '\x1b[2J' not in text
+    assert '\x07' not in text
