@@ -22,12 +22,11 @@ from xml.parsers import expat
 
 import bags
 from environment import DATA
-from messages import golden_messages
+from messages import golden_messages, written
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from puretf import TransformBuffer
 from puretf._core.pose import Row
-from puretf._wire import cdr
 from puretf._wire.encoding import CDR, MalformedMessage, ROS1
 from puretf.bag import BagError, read
 from puretf.bag import open as open_bag
@@ -212,10 +211,7 @@ def _check_by_fast_cdr(raw: list[Fields], ours: list[Fields], order: str) -> Non
 def seeds_of_cdr() -> Iterator[bytes]:
     """Yield golden messages, one of them big-endian, and one with odd strings."""
     yield from (bytes.fromhex(case['cdr_hex']) for case in golden_messages())
-    rows = golden_rows()[0][:2]
-    types = _types(2)
-    message = types.deserialize_cdr(cdr.pack(rows), TF)
-    yield bytes(types.serialize_cdr(message, TF, little_endian=False))
+    yield written(golden_rows()[0][:2], '>')
     for name in b'', b'ab', b'a\0b\0', b'\xff\0', b'a/\xe6\x97\xa5\0', b'\xed\xa0\x80\0':
         body = struct.pack('<IiII', 1, 5, 2**32 - 1, len(name)) + name
         body += bytes(-len(body) % 4) + b'\1\0\0\0\0'
@@ -318,18 +314,8 @@ def check_ros1(data: bytes) -> None:
 def seeds_of_ros1() -> Iterator[bytes]:
     """Yield the transforms of golden data as messages of ROS 1."""
     for rows in golden_rows()[:12]:
-        yield _as_ros1(rows[:4])
-    yield _as_ros1([Row(T, '\0', '日本\x1b', bags.STILL)]) + b'end'
-
-
-def _as_ros1(rows: list[Row]) -> bytes:
-    data = struct.pack('<I', len(rows))
-    for stamp, *names, pose in rows:
-        data += struct.pack('<III', 7, *divmod(stamp, S))
-        for name in names:
-            data += struct.pack('<I', len(name.encode())) + name.encode()
-        data += struct.pack('<7d', *pose)
-    return data
+        yield written(rows[:4], encoding=ROS1)
+    yield written([Row(T, '\0', '日本\x1b', bags.STILL)], encoding=ROS1) + b'end'
 
 
 # Bags

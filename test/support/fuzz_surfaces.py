@@ -20,12 +20,11 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, NamedTuple, Optional
+from typing import Any, Optional
 
 import bags
 from environment import COMMANDS
 from fuzz_messages import folder, Input, logged_texts, S, T
-from views import RIGHT
 
 from puretf import TransformBuffer, TransformException
 from puretf._core.frames import as_dot as frames_as_dot
@@ -47,16 +46,21 @@ _LONGEST_LINE = 8000
 DISCONNECTED = 'puretf_tools.view.viser_private'
 
 
-class Outcome(NamedTuple):
-    """How a command has ended."""
+#: The settings of a view that a browser may have stored, and values that these can have.
+RIGHT: dict[str, list[Any]] = {
+    'Axis length (m)': [0.02, 1, 2.0], 'Frame timeout (s)': [1, 15.5, 60], 'Opacity': [0.1, 1],
+    'Axes': [True, False], 'Grid': [False], 'Dark': [True], 'Follow its yaw': [True],
+    'Show names': [None, False, True], 'Include': ['', 'a -b', r'(\w+)+!', '['],
+    'Fixed frame': [None, '', 'base', 'nowhere', '<b>'],
+    'Frame': ['map', '\n'], 'Trail of': ['base'], 'Follow': ['base'], 'A': ['map'], 'B': ['base'],
+    'Hidden': [[], ['map', 'x']], 'Hidden branches': [['map']], 'Folded': [['map', 'base']],
+    'Plot over': ['20 s', '2 min', 'whole bag'],
+    'Camera': [[], [1, 2, 3, 0, 0, 0, 0.8], [0, 0, 0, 0, 0, 0, 3.1], [0, 0, 1e12, 0, 0, -1e12, 1]],
+    'Time': [0, 1, 2**63 - 1]}
 
-    code: object
-    output: str
-    errors: str
 
-
-def run_command(name: str, arguments: Sequence[str]) -> Outcome:
-    """Run a command in this process; what it prints must be UTF-8."""
+def run_command(name: str, arguments: Sequence[str]) -> tuple[object, str, str]:
+    """Run a command in this process; return exit code, stdout and stderr, which must be UTF-8."""
     output, errors = (io.TextIOWrapper(io.BytesIO(), 'utf-8', 'strict') for _ in range(2))
     with redirect_stdout(output), redirect_stderr(errors):
         try:
@@ -65,7 +69,8 @@ def run_command(name: str, arguments: Sequence[str]) -> Outcome:
             code = error.code
     for stream in output, errors:
         stream.flush()
-    return Outcome(code, *(stream.buffer.getvalue().decode() for stream in (output, errors)))
+    printed, reported = (stream.buffer.getvalue().decode() for stream in (output, errors))
+    return code, printed, reported
 
 
 def check_lines(text: str, longest: int = _LONGEST_LINE) -> None:
@@ -237,16 +242,13 @@ def _check_page(buffer: TransformBuffer, frames: Any, authority: str, selected: 
     """Check the texts of the panel of the page, and the labels."""
     feed = BagFeed(buffer, authority or 'bag')
     placement = FrameWatcher(buffer).placement('')
-    for text in (overview(placement, feed, selected),
-                 *(details(placement, name, feed, feed.buffer)
-                   for name in [*placement.names[:3], selected])):
+    texts = [('', overview(placement, feed, selected)), *(
+        (name, details(placement, name, feed, feed.buffer))
+        for name in [*placement.names[:3], selected])]
+    for name, text in texts:
         check_lines(text, 60_000)
         page = _Page()
         page.feed(text)
-        page.close()
-    for name in placement.names[:3]:
-        page = _Page()
-        page.feed(details(placement, name, feed, feed.buffer))
         page.close()
         if name in placement.frames:
             assert visible(placement.frames[name].parent) in page.text
@@ -263,13 +265,13 @@ def _check_commands(rows: list[Row], ends: tuple[str, str], number: int) -> None
              ('tf2_echo', '--', *ends), ('tf_doctor',), ('tf_trajectory', '--', *ends),
              ('check_arm',), ('view_frames', '--text', f'--root={ends[0]}'))
     for name, *options in lines[2 * number:2 * number + 2]:
-        outcome = run_command(name, [f'--bag={path}', *options])
+        code, output, errors = run_command(name, [f'--bag={path}', *options])
         # Rule: rclpy refuses arguments that are not UTF-8.
-        assert outcome.code in (0, 1) or not _encodable(''.join(options)), outcome
-        check_lines(outcome.output)
-        check_lines(outcome.errors)
-        if '--json' in options and outcome.output:
-            json.loads(outcome.output)
+        assert code in (0, 1) or not _encodable(''.join(options)), (code, output, errors)
+        check_lines(output)
+        check_lines(errors)
+        if '--json' in options and output:
+            json.loads(output)
 
 
 def seeds_of_names() -> Iterator[bytes]:
@@ -284,7 +286,7 @@ def seeds_of_names() -> Iterator[bytes]:
             data = data + (struct.pack('<BB', 1, len(text)) if len(text) <= 40 else
                            struct.pack('<BH', 3, len(text))) + text
         edges = bytes([1, 2, 0, 0, 192]) + bytes([2, 0, 1, 0, 128]) + bytes([0, 2, 0, 0, 192])
-        yield data[:1] + data[1:] + bytes([2]) + edges + b'\4node' + bytes([
+        yield data + bytes([2]) + edges + b'\4node' + bytes([
             1, 1, 1, 1, 0, 1, 1, number])
 
 
