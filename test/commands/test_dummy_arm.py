@@ -1,6 +1,6 @@
 """The node `dummy_arm`: its messages, its parameters and its ends."""
 
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 import math
 import re
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from ros_node import command_node, LATCHED, Ros
+from ros_node import command_node, LATCHED, pose_of, Ros
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -39,9 +39,7 @@ def edges(message):
 
 def poses(message):
     """Return the (n, 7) poses: x, y, z (m), quaternion x, y, z, w."""
-    return np.array([(t.transform.translation.x, t.transform.translation.y,
-                      t.transform.translation.z, t.transform.rotation.x, t.transform.rotation.y,
-                      t.transform.rotation.z, t.transform.rotation.w) for t in message.transforms])
+    return np.array([*map(pose_of, message.transforms)])
 
 
 def angle(message, joint):
@@ -171,10 +169,9 @@ def test_early_and_late_subscribers_get_the_arm(ros, start):
 def test_a_late_subscriber_gets_the_description(arm_domain):
     """It is the text of the file, as the robot_state_publisher sends it."""
     received: list[String] = []
-    ros = Ros(arm_domain)
-    ros.node.create_subscription(String, '/robot_description', received.append, LATCHED)
-    ros.until(lambda: received)
-    ros.close()
+    with closing(Ros(arm_domain)) as ros:
+        ros.node.create_subscription(String, '/robot_description', received.append, LATCHED)
+        ros.until(lambda: received)
     assert [each.data for each in received] == [
         (ROOT / 'dummy_arm' / 'urdf' / 'dummy_arm.urdf').read_text()]
 

@@ -13,7 +13,7 @@ from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
-from ros_node import command_node, LATCHED
+from ros_node import command_node, LATCHED, pose_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -30,9 +30,7 @@ ROBOT = """<robot name="r"><link name="base"/><link name="arm"/>
 
 def transforms_of(message):
     """Return frame_id, child_frame_id and the seven numbers of each transform of a message."""
-    return [(transform.header.frame_id, transform.child_frame_id,
-             [*(getattr(transform.transform.translation, axis) for axis in 'xyz'),
-              *(getattr(transform.transform.rotation, axis) for axis in 'xyzw')])
+    return [(transform.header.frame_id, transform.child_frame_id, pose_of(transform))
             for transform in message.transforms]
 
 

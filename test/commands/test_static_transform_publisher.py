@@ -7,7 +7,7 @@ from typing import Any
 from processes import tool
 import pytest
 from rclpy.parameter import Parameter
-from ros_node import command_node, LATCHED
+from ros_node import command_node, LATCHED, pose_of
 
 from puretf import TFMessage
 from puretf_tools.commands import static_transform_publisher
@@ -38,12 +38,6 @@ def publish(domain_id, monkeypatch):
     return run
 
 
-def numbers(transform):
-    """Return the translation (m) and the quaternion x, y, z, w."""
-    t, r = transform.transform.translation, transform.transform.rotation
-    return [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
-
-
 @pytest.mark.parametrize(('arguments', 'expected'), [
     (FRAMES, [0, 0, 0, 0, 0, 0, 1]),
     (['--x', '-1e-3', '--y', '-.5', '--z', '-2', *FRAMES], [-0.001, -0.5, -2, 0, 0, 0, 1]),
@@ -57,7 +51,7 @@ def numbers(transform):
 def test_new_style(publish, capfd, arguments, expected):
     """Options accept negative numbers and exponents, and a quaternion of nearly unit length."""
     transform, _ = publish(*arguments)
-    assert numbers(transform) == pytest.approx(expected, abs=1e-12)
+    assert pose_of(transform) == pytest.approx(expected, abs=1e-12)
     assert (transform.header.frame_id, transform.child_frame_id) == ('map', 'base')
     assert 'deprecated' not in capfd.readouterr().err
 
@@ -73,7 +67,7 @@ def test_new_style(publish, capfd, arguments, expected):
 def test_old_style(publish, capfd, arguments, expected):
     """The old style is deprecated; leading slashes are published."""
     transform, _ = publish(*arguments.split())
-    assert numbers(transform) == pytest.approx(expected, abs=1e-12)
+    assert pose_of(transform) == pytest.approx(expected, abs=1e-12)
     assert [transform.header.frame_id, transform.child_frame_id] == arguments.split()[-2:]
     assert 'Old-style arguments are deprecated; see --help for new-style arguments\n' in (
         capfd.readouterr().err)

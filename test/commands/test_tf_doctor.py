@@ -14,7 +14,7 @@ import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
-from ros_node import eventually, LATCHED, stamped
+from ros_node import eventually, LATCHED, point, stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -35,14 +35,6 @@ def often(monkeypatch):
     """Let the command search for topics twenty times a second."""
     for module in clock_sampler, topic_watch:
         monkeypatch.setattr(module, '_SCAN_INTERVAL', 0.05)
-
-
-def point_in(frame, stamp=0):
-    """Return a message with a header; the stamp in ns."""
-    message = PointStamped()
-    message.header.frame_id = frame
-    message.header.stamp = Time(nanoseconds=stamp).to_msg()
-    return message
 
 
 def run(ros, *arguments, publishers, send=lambda now: None, ticks=15):
@@ -107,8 +99,8 @@ def test_publishers_and_headers(ros, other):
     other.create_publisher(
         TFMessage, '/tf', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
     other.create_subscription(TFMessage, '/tf_static', lambda _: None, 10)
-    point = ros.node.create_publisher(PointStamped, '/point', LATCHED)
-    point.publish(point_in('lost'))
+    points = ros.node.create_publisher(PointStamped, '/point', LATCHED)
+    points.publish(point('lost'))
     joints = ros.node.create_publisher(JointState, '/joint_states', 10)
     malformed = ros.node.create_publisher(PointStamped, '/malformed', 10)
 
@@ -117,11 +109,11 @@ def test_publishers_and_headers(ros, other):
             sender.sendTransform([stamped('odom', 'base_link', now + i, float(i))])
         senders[1].sendTransform(stamped('base_link', 'wheel', now - 100 * S))
         joints.publish(JointState())
-        for message in b'', b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 20, point_in('lost'):
+        for message in b'', b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 20, point('lost'):
             malformed.publish(message)
 
     status, data = examine(ros, send=send, publishers=[
-        *(sender.pub_tf for sender in senders), static.pub_tf, point, joints, malformed])
+        *(sender.pub_tf for sender in senders), static.pub_tf, points, joints, malformed])
     assert status == 1
     assert {each['code']: (each['frames'], each['topics'], sorted(each['nodes']))
             for each in data['findings'] if each['code'] in codes(data)} == {
@@ -150,9 +142,9 @@ def test_messages_at_their_stamps(ros):
 
     def send(now):
         sender.sendTransform([stamped('map', 'odom', now - 3 * S // 10), stamped('map', 'a', now)])
-        path.publish(point_in('odom', now))
+        path.publish(point('odom', now))
         for _ in range(4):
-            fast.publish(point_in('a', now - 3 * S // 100))
+            fast.publish(point('a', now - 3 * S // 100))
 
     status, data = examine(ros, send=send, ticks=100, publishers=[sender.pub_tf, fast, path])
     assert (status, codes(data)) == (0, {'message_early'})
@@ -176,8 +168,8 @@ def test_a_type_that_cannot_be_imported(ros, monkeypatch):
 
     monkeypatch.setattr(header_sampler, 'import_module', fail)
     ros.node.create_publisher(JointState, '/joints', 10)
-    point = ros.node.create_publisher(PointStamped, '/point', 10)
-    _, data = examine(ros, '--ignore', 'no_transforms', publishers=[point])
+    points = ros.node.create_publisher(PointStamped, '/point', 10)
+    _, data = examine(ros, '--ignore', 'no_transforms', publishers=[points])
     assert data['not_checked'] == ['headers on /joints: its type sensor_msgs/msg/JointState '
                                    'cannot be imported (OSError: no memory)']
 

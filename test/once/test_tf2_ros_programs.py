@@ -4,11 +4,12 @@ import math
 import re
 
 from environment import ROOT
-from geometry_msgs.msg import PointStamped, TransformStamped
+from geometry_msgs.msg import PointStamped
 from processes import TIMEOUT
 import pytest
 from rclpy.duration import Duration
 from rclpy.time import Time
+from ros_node import point, stamped
 
 from puretf import StaticTransformBroadcaster, TransformBroadcaster
 
@@ -44,17 +45,10 @@ def test_a_program_that_waits(run, ros, program, line):
     """The program waits until the transforms arrive over DDS, and then uses them."""
     process = run(program)
     process.line_with('waiting')
-    wheel, sonar = TransformStamped(child_frame_id='wheel'), TransformStamped(
-        child_frame_id='sonar')
-    wheel.header.frame_id = sonar.header.frame_id = 'robot'
-    StaticTransformBroadcaster(ros.node).sendTransform(wheel)
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('robot', 'wheel'))
     broadcaster = TransformBroadcaster(ros.node)
-
-    def send():
-        sonar.header.stamp = ros.node.get_clock().now().to_msg()
-        broadcaster.sendTransform(sonar)
-
-    ros.node.create_timer(0.02, send)
+    ros.node.create_timer(0.02, lambda: broadcaster.sendTransform(
+        stamped('robot', 'sonar', ros.node.get_clock().now().nanoseconds)))
     ros.until(lambda: f'{line}\n' in process.output)
     assert 'Traceback' not in process.output
 
@@ -109,19 +103,15 @@ def test_time_travel(run):
 def test_point_transform(run, ros):
     """A point of a sensor is transformed in the callback that receives it."""
     process = run('point_transform')
-    sensor = TransformStamped(child_frame_id='sensor')
-    sensor.header.frame_id = 'world'
-    sensor.transform.translation.x = 1.0
+    sensor = stamped('world', 'sensor', x=1.0)
     sensor.transform.rotation.z = sensor.transform.rotation.w = 0.5 ** 0.5
     StaticTransformBroadcaster(ros.node).sendTransform(sensor)
     publisher = ros.node.create_publisher(PointStamped, 'point', 10)
-    point = PointStamped()
-    point.header.frame_id = 'sensor'
-    point.point.x, point.point.z = 2.0, 0.5
 
     def send():
-        point.header.stamp = ros.node.get_clock().now().to_msg()
-        publisher.publish(point)
+        sent = point('sensor', ros.node.get_clock().now().nanoseconds)
+        sent.point.x, sent.point.z = 2.0, 0.5
+        publisher.publish(sent)
 
     ros.node.create_timer(0.1, send)
     ros.until(lambda: 'world: 1.000 2.000 0.500\n' in process.output)

@@ -3,7 +3,7 @@
 
 import pytest
 from rclpy.time import Time
-from ros_node import stamped
+from ros_node import pose_of, stamped
 
 from puretf import (
     Buffer,
@@ -31,9 +31,7 @@ def publisher(feed):
 
 def numbers(buffer, parent='map'):
     """Return the pose of 'hand' in the buffer of a listener."""
-    transform = buffer.lookup_transform(parent, 'hand', Time()).transform
-    t, r = transform.translation, transform.rotation
-    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
+    return pose_of(buffer.lookup_transform(parent, 'hand', Time()))
 
 
 ME, YOU = 'one viewer', 'another one'
@@ -45,12 +43,12 @@ def test_it_is_published_until_it_is_stopped(ros, publisher, other):
     TransformListener(early, other)
     assert not publisher.send(HAND, ME)
     ros.until(lambda: early.can_transform('map', 'hand', Time()))
-    assert numbers(early) == (HAND.translation, HAND.rotation)
+    assert numbers(early) == [*HAND.translation, *HAND.rotation]
     moved = HAND._replace(translation=(0.0, 0.0, 0.0))
     assert not publisher.send(moved, ME)
     TransformListener(later, other)
     ros.until(lambda: later.can_transform('map', 'hand', Time()))
-    ros.until(lambda: numbers(early) == numbers(later) == (moved.translation, moved.rotation))
+    ros.until(lambda: numbers(early) == numbers(later) == [0.0, 0.0, 0.0, *HAND.rotation])
     publisher.stop('hand')
     publisher.stop('hand')
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'post'))
@@ -60,7 +58,7 @@ def test_it_is_published_until_it_is_stopped(ros, publisher, other):
     assert early.can_transform('map', 'hand', Time())
     assert not publisher.send(HAND._replace(frame_id='post'), ME)
     ros.until(lambda: late.can_transform('post', 'hand', Time()))
-    ros.until(lambda: numbers(early, 'post') == (HAND.translation, HAND.rotation))
+    ros.until(lambda: numbers(early, 'post') == [*HAND.translation, *HAND.rotation])
 
 
 def test_two_viewers_publish_a_frame_each(ros, publisher, other):

@@ -13,6 +13,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+import ros_node
 from ros_node import run_in_thread, stamped
 from std_msgs.msg import Empty
 
@@ -26,10 +27,7 @@ MS = 10**6
 
 def point(stamp, frame='laser'):
     """Return a message with a header; the stamp is in ns."""
-    message = PointStamped()
-    message.header.stamp = Time(nanoseconds=stamp).to_msg()
-    message.header.frame_id = frame
-    return message
+    return ros_node.point(frame, stamp)
 
 
 def stamp_of(message):

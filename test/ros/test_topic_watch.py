@@ -6,7 +6,7 @@ from geometry_msgs.msg import PointStamped
 from messages import ignore
 import pytest
 from rclpy.serialization import serialize_message
-from ros_node import LATCHED
+from ros_node import LATCHED, point
 from std_msgs.msg import Empty, String
 
 from puretf._ros import topic_watch
@@ -90,8 +90,7 @@ def test_large_headers_pause(ros, monkeypatch):
     """After too many bytes, a topic is left; in the next second, it is read again."""
     monkeypatch.setattr(header_sampler, '_MOST_BYTES', 10)
     publisher = ros.node.create_publisher(PointStamped, '/points', 1)
-    sampler, message = HeaderSampler(ros.node), PointStamped()
-    message.header.frame_id = 'base'
+    sampler = HeaderSampler(ros.node)
 
     def has_readers(number):
         sampler.poll()
@@ -99,7 +98,7 @@ def test_large_headers_pause(ros, monkeypatch):
 
     for number in 1, 2:
         ros.until(lambda: has_readers(1))
-        publisher.publish(message)
+        publisher.publish(point('base'))
         ros.until(lambda: has_readers(0))
         assert sampler.headers['/points'].count == number
     sampler.close()

@@ -7,7 +7,7 @@ import threading
 from typing import Any, cast
 import warnings
 
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Quaternion, TransformStamped
 import numpy as np
 import pytest
 from rclpy.executors import ExternalShutdownException
@@ -15,18 +15,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
-from ros_node import LATCHED, run_in_thread
+from ros_node import LATCHED, run_in_thread, stamped
 
 from puretf import StaticTransformBroadcaster, TFMessage, Transform, TransformBroadcaster
 
 
 def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
     """Return a TransformStamped."""
-    message = TransformStamped(child_frame_id=child_frame_id)
-    message.header.frame_id = frame_id
-    message.transform.translation.x = x
-    (message.transform.rotation.x, message.transform.rotation.y,
-     message.transform.rotation.z, message.transform.rotation.w) = rotation
+    message = stamped(frame_id, child_frame_id, x=x)
+    message.transform.rotation = Quaternion(**dict(zip('xyzw', rotation)))
     return message
 
 

@@ -1,13 +1,13 @@
 """A ROS node of the test itself."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 import signal
 import threading
 import time
 from typing import Any, Optional, TypeVar
 
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PointStamped, TransformStamped
 from processes import own_pids, Process, TIMEOUT
 import pytest
 from rclpy.context import Context
@@ -108,18 +108,15 @@ def command_node(make_node: Callable[[], NodeType], domain: int, *arguments: str
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain))
-        with ros_context(['command', *arguments]):
-            ros = Ros(domain, get_default_context())
+        with ros_context(['command', *arguments]), closing(
+                Ros(domain, get_default_context())) as ros:
+            node = make_node()
+            ros.executor.add_node(node)
             try:
-                node = make_node()
-                ros.executor.add_node(node)
-                try:
-                    yield node, ros
-                finally:
-                    ros.executor.remove_node(node)
-                    node.destroy_node()
+                yield node, ros
             finally:
-                ros.close()
+                ros.executor.remove_node(node)
+                node.destroy_node()
 
 
 def eventually(condition: Callable[[], object]) -> None:
@@ -160,6 +157,19 @@ def stamped(parent: str, child: str, stamp: int = 0, x: float = 0.0) -> Transfor
     return message
 
 
+def pose_of(transform: TransformStamped) -> list[float]:
+    """Return x, y, z (m), quaternion x, y, z, w."""
+    t, r = transform.transform.translation, transform.transform.rotation
+    return [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
+
+
+def point(frame: str, stamp: int = 0) -> PointStamped:
+    """Return a message with a header; the stamp in ns."""
+    message = PointStamped()
+    message.header.frame_id, message.header.stamp = frame, Time(nanoseconds=stamp).to_msg()
+    return message
+
+
 @pytest.fixture
 def ros(domain_id: int) -> Iterator[Ros]:
     """A node in the ROS domain of the test."""
@@ -173,9 +183,8 @@ def ros(domain_id: int) -> Iterator[Ros]:
 @pytest.fixture
 def stranger(domain_id: int) -> Iterator[Ros]:
     """A node of another participant: within one, a topic cannot have two types."""
-    node = Ros(domain_id)
-    yield node
-    node.close()
+    with closing(Ros(domain_id)) as node:
+        yield node
 
 
 @pytest.fixture
