@@ -7,9 +7,8 @@ from tempfile import TemporaryDirectory
 from time import monotonic, sleep, time_ns
 from typing import Any
 
-from builtin_interfaces.msg import Time as TimeMessage
 from cli_runner import call
-from geometry_msgs.msg import TransformStamped
+from messages import written
 from processes import TIMEOUT
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -20,6 +19,7 @@ from situations import FAULTY, HEALTHY
 from world import S, Sender
 
 from puretf import Buffer, TFMessage, TransformException, TransformListener
+from puretf._core.pose import Row
 from puretf.publisher_listener import PublisherListener
 from puretf_tools.commands import tf_doctor
 
@@ -45,20 +45,11 @@ LIVE = [each for situation in FAULTY + HEALTHY for each in (situation, *situatio
         if is_live(each)]
 
 
-def message(sender: Sender, now: int) -> TFMessage:
+def message(sender: Sender, now: int) -> bytes:
     """Return the message that a sender sends now (ns)."""
-    transforms = []
-    for child, parent in sender.parents.items():
-        transform = TransformStamped(child_frame_id=child)
-        transform.header.frame_id = parent
-        stamp, pose = now + round(sender.offset * S), sender.pose(0)
-        transform.header.stamp = TimeMessage(sec=stamp // S, nanosec=sender.nanosec(stamp))
-        for part, fields, values in ((transform.transform.translation, 'xyz', pose),
-                                     (transform.transform.rotation, 'xyzw', pose[3:])):
-            for field, value in zip(fields, values):
-                setattr(part, field, value)
-        transforms.append(transform)
-    return TFMessage(transforms=transforms)
+    stamp = now + round(sender.offset * S)
+    rows = [Row(stamp, parent, child, sender.pose(0)) for child, parent in sender.parents.items()]
+    return written(rows, stamps=[(stamp // S, sender.nanosec(stamp))] * len(rows))
 
 
 def running(world, make_node):
