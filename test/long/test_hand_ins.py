@@ -3,7 +3,7 @@
 from itertools import chain, zip_longest
 
 from hand_ins import CHAOS, differences, MISTAKES, MODEL_ANSWER
-from processes import own_pids, tool
+from processes import BUSY, own_pids, tool
 import psutil
 import pytest
 
@@ -11,13 +11,6 @@ from dummy_arm.grading import processes
 
 #: How long check_arm may take (s).
 LONGEST = 1500.0
-#: A program that loads a core, for a limited time.
-BUSY = f"""import time
-print('busy', flush=True)
-end = time.monotonic() + {LONGEST}
-while time.monotonic() < end:
-    pass
-"""
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import json
 
-from processes import ARM, tool
+from processes import ARM, BUSY, tool
 import pytest
 from rclpy.duration import Duration
 from ros_node import stamped
@@ -10,12 +10,6 @@ from sensor_msgs.msg import LaserScan
 
 from puretf import StaticTransformBroadcaster, TransformBroadcaster
 
-BUSY = """
-import time
-end = time.monotonic() + 600.0
-while time.monotonic() < end:
-    pass
-"""
 FRAMES = """
 import rclpy
 from puretf import TransformBroadcaster

@@ -25,9 +25,9 @@ def library(monkeypatch):
     return library
 
 
-def translator():
+def translator(**kwargs):
     """Return the function for the messages of the subscription."""
-    gid_of = gid_translator(DATA)
+    gid_of = gid_translator(DATA, **kwargs)
     assert gid_of is not None
     return gid_of
 
@@ -52,8 +52,7 @@ def test_a_publisher_that_has_ended_keeps_its_gid(library):
 
 def test_the_number_of_gids_is_bounded(library):
     """The oldest gid is forgotten; its publisher is asked for again."""
-    gid_of = gid_translator(DATA, most=1)
-    assert gid_of is not None
+    gid_of = translator(most=1)
     for handle in FIRST, SECOND, SECOND, FIRST:
         assert gid_of(ARRIVED[handle]) == GIDS[handle]
     assert [handle for _, handle in library.calls] == [FIRST, SECOND, FIRST]

@@ -29,11 +29,11 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
+from ros_node import eventually, stamped
 
 from puretf import (
     Buffer,
     LookupException,
-    Transform,
     TransformBroadcaster,
     TransformException,
     TransformListener,
@@ -254,7 +254,7 @@ class Interrupted:
         self.insert()
         self.check('own', time_of(self.inserted))
         waited = self.waited
-        self.until(lambda: self.waited > waited, 'the thread that waits gets nothing more')
+        eventually(lambda: self.waited > waited)
         dump = self.buffer.dump()
         for name in 'sent', 'own', 'published':
             stamps, poses = dump[name]['stamps'], dump[name]['poses']
@@ -268,13 +268,6 @@ class Interrupted:
         assert not engine_of(self.buffer).is_awaited
         assert not self.problems, self.problems[:3]
 
-    def until(self, condition, problem):
-        """Wait until a condition holds, without a lookup."""
-        deadline = time.monotonic() + LONG.nanoseconds / S
-        while not condition():
-            assert time.monotonic() < deadline, problem
-            time.sleep(0.01)
-
 
 def time_of(number):
     """Return the time of the transform with a number."""
@@ -283,7 +276,7 @@ def time_of(number):
 
 def row_message(frame, number):
     """Return the message with a transform whose x is its stamp in ms."""
-    return Transform(number * 10**6, 'map', frame, (float(number), 0.0, 0.0)).to_message()
+    return stamped('map', frame, number * 10**6, float(number))
 
 
 def interrupt(seed):

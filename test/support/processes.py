@@ -50,10 +50,17 @@ def tool(name: str, *arguments: str) -> tuple[str, ...]:
 
 
 ARM = tool('dummy_arm')
+#: Code that loads a core, for a limited time, and prints 'busy'.
+BUSY = """if True:
+    import time
+    end = time.monotonic() + 1500.0
+    print('busy', flush=True)
+    while time.monotonic() < end:
+        pass
+"""
 #: Code before that of `tool`: from the line `begun` on, signals are handled as in a command.
 BEGUN = ('from puretf_tools.cli.signals import record_signals; record_signals(); '
          'print("begun", flush=True); ')
-
 
 
 def tool_without(modules: Iterable[str], name: str, *arguments: str) -> tuple[str, ...]:
@@ -267,7 +274,6 @@ def open_terminal(columns: int) -> tuple[int, int]:
     reading, writing = pty.openpty()
     fcntl.ioctl(writing, termios.TIOCSWINSZ, struct.pack('4H', 24, columns, 0, 0))
     return reading, writing
-
 
 
 @pytest.fixture
