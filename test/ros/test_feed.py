@@ -140,7 +140,6 @@ def test_a_middleware_that_does_not_report_gids(handles, publication):
 @pytest.fixture
 def offer(ros):
     """A function that publishes a latched text, and returns its publisher."""
-
     def offer(topic, text):
         publisher = ros.node.create_publisher(String, topic, LATCHED)
         publisher.publish(String(data=text))

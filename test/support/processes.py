@@ -213,7 +213,7 @@ class Process:
         return code
 
     def close(self) -> None:
-        """End the process by SIGINT, or by SIGKILL if it does not react; see `kill`."""
+        """End the process by SIGINT, or by SIGKILL if it does not react."""
         try:
             self.end(signal.SIGINT, _GRACE)
         except subprocess.TimeoutExpired:

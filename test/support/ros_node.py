@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-import signal
 import threading
 import time
 from typing import Any, Optional, TypeVar
 
 from geometry_msgs.msg import PointStamped, TransformStamped
-from processes import own_pids, Process, TIMEOUT
+from processes import own_pids, TIMEOUT
 import pytest
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -30,7 +29,6 @@ from puretf_tools.cli.node import ros_context
 NodeType = TypeVar('NodeType', bound=Node)
 _Result = TypeVar('_Result')
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_RECOVERY = 3.0  # s; Fast DDS gives up the lock of a killed process after 1 s
 
 
 class Ros:
@@ -221,20 +219,6 @@ def listening(ros: Ros) -> Iterator[Buffer]:
     listener = TransformListener(buffer, ros.node)
     yield buffer
     listener.unregister()
-
-
-@pytest.fixture
-def kill(ros: 'Ros') -> Iterator[Callable[[Process], object]]:
-    """
-    Kill a process by `kill(process)`; after the test, wait until Fast DDS has recovered.
-
-    The process leaves half a megabyte in shared memory, and it may have held the lock of a port
-    there, through which it was sending. The owner of the port gives up this lock after a second. A
-    participant that is destroyed before that, such as that of the test itself, crashes in Fast DDS
-    (2.14.5, in SharedMemChannelResource::release).
-    """
-    yield lambda process: process.end(signal.SIGKILL)
-    time.sleep(_RECOVERY)
 
 
 @pytest.fixture(autouse=True)
