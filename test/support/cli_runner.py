@@ -92,8 +92,7 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
         if len(outputs) == 2 and until(outputs[0].text + outputs[1].text):
             press_ctrl_c()
 
-    before = os.environ.get('ROS_DOMAIN_ID'), signal.signal(signal.SIGINT, lambda *_: None)
-    os.environ['ROS_DOMAIN_ID'] = str(domain)
+    before = signal.signal(signal.SIGINT, lambda *_: None)
     watch = threading.Timer(TIMEOUT, press_ctrl_c)
     watch.start()
     outputs: list[Output] = []
@@ -103,6 +102,7 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
             outputs.append(Output(number, columns, look))
         try:
             with pytest.MonkeyPatch.context() as patch:
+                patch.setenv('ROS_DOMAIN_ID', str(domain))
                 patch.setattr('puretf_tools.cli.node.destroy', destroy_newest)
                 # It would end the tests if this machine is slow.
                 patch.setattr('puretf_tools.cli.signals._limit_end', lambda: None)
@@ -116,12 +116,8 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
         watch.cancel()
         for output in outputs:
             output.restore()
-        signal.signal(signal.SIGINT, before[1])
+        signal.signal(signal.SIGINT, before)
         forget_signals()  # a later wait in this process would end at once
-        if before[0] is None:
-            del os.environ['ROS_DOMAIN_ID']
-        else:
-            os.environ['ROS_DOMAIN_ID'] = before[0]
     # rcl prints these if an earlier test left a node of this name in the process, and if Ctrl-C
     # comes when a line that `until` waits for is printed and not yet sent to /rosout.
     stderr = ''.join(line for line in outputs[1].text.splitlines(keepends=True)
