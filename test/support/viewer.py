@@ -84,21 +84,18 @@ class Viewer:
                 self.send({'type': 'LocalStorageGetItemResponseMessage',
                            'value': self.storage.get(message['key']), 'error': self.blocked,
                            'request_uuid': message['request_uuid']})
-                continue
-            if message['type'] == 'LocalStorageSetItemMessage':
+            elif message['type'] == 'LocalStorageSetItemMessage':
                 self.storage[message['key']] = message['value']
-                continue
-            if message['type'] == 'GuiRemoveMessage':
+            elif message['type'] == 'GuiRemoveMessage':
                 self.gui.pop(message['uuid'], None)
-                continue
-            if message['type'] == 'RemoveSceneNodeMessage':
+            elif message['type'] == 'RemoveSceneNodeMessage':
                 self.nodes.pop(message['name'], None)
-                continue
-            place = (self.gui.setdefault(message['uuid'], {}) if 'uuid' in message else
-                     self.nodes.setdefault(message['name'], {}) if 'name' in message else
-                     self.last.setdefault(message['type'], {}))
-            for part in message, message.get('props', {}), message.get('updates', {}):
-                place.update((key, filled(value)) for key, value in part.items())
+            else:
+                place = (self.gui.setdefault(message['uuid'], {}) if 'uuid' in message else
+                         self.nodes.setdefault(message['name'], {}) if 'name' in message else
+                         self.last.setdefault(message['type'], {}))
+                for part in message, message.get('props', {}), message.get('updates', {}):
+                    place.update((key, filled(value)) for key, value in part.items())
 
     def until(self, condition: Callable[[], object],
               update: Callable[[], object] = lambda: None) -> None:
