@@ -58,12 +58,8 @@ def logs() -> Iterator[list[logging.LogRecord]]:
     since launch replaces the class of loggers by one whose loggers do not propagate.
     """
     records: list[logging.LogRecord] = []
-
-    class Recorder(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            records.append(record)
-
-    handler = Recorder(logging.WARNING)
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: records.append(record)  # type: ignore[method-assign]
     loggers = [*map(logging.getLogger, ('puretf', 'puretf_tools'))]
     for logger in loggers:
         logger.addHandler(handler)
