@@ -40,7 +40,8 @@ class MessageTemplate:
         return self._struct.pack(*fields)
 
 
-_template = lru_cache(maxsize=256)(MessageTemplate)
+#: A template of 10 000 frames takes megabytes.
+_template = lru_cache(maxsize=32)(MessageTemplate)
 
 
 def pack(rows: Iterable[Row]) -> bytes:
