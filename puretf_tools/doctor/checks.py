@@ -178,11 +178,13 @@ def _two_publishers(observation: Observation) -> Iterator[_Fault]:
                 pairs.setdefault((a.publisher, b.publisher, a.is_static), []).append((a, b))
     for group in pairs.values():
         a, b = group[0]
-        names = [observation.node_of(track) or 'a publisher' for track in (a, b)]
+        first, second = (observation.node_of(track) or 'a publisher' for track in (a, b))
+        who = f'{first} and {second} both publish' if first != second else (
+            f'two publishers of {first} publish' if first[:1] == '/' else 'two publishers publish')
         what = (f'they differ by {max(_distance(*pair) for pair in group):.3g} (m plus rad)'
                 if a.is_static else f'{a["count"]} and {b["count"]} transforms')
         children = [a.child for a, _ in group]
-        yield _Fault(f'{names[0]} and {names[1]} both publish {listed(children)}: {what}',
+        yield _Fault(f'{who} {listed(children)}: {what}',
                      [a, b], children)
 
 

@@ -230,6 +230,13 @@ def test_publishers_that_have_ended(listened):
     assert listened.after(3) == {}
 
 
+def test_two_nodes_of_one_name(listened):
+    """As when a program is started twice: the name stands once."""
+    found = listened.after(6, lambda time, i: [*robot(time), *(
+        message(f'x.{number}', time, 'odom', 'tool') for number in '12')])
+    assert found['two_publishers'].evidence.startswith('two publishers of /x publish tool: ')
+
+
 def test_a_busy_computer_is_named(listened):
     """What explains the gap is the only finding."""
     late(listened)
