@@ -80,5 +80,6 @@ def described(own: int) -> str:
 def _command(pid: int) -> str:
     with suppress(OSError):
         line = Path(f'/proc/{pid}/cmdline').read_bytes()
-        return shortened(os.fsdecode(line).replace('\0', ' ').strip())
+        command = os.fsdecode(line).replace('\0', ' ').strip()
+        return shortened(command.partition('\n')[0])  # `python -c` with a program of some lines
     return ''
