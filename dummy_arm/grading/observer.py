@@ -36,7 +36,8 @@ class Observer:
         received, dropped = self.listener.received()
         for message in received:
             if dropped or self.messages.size > _MOST:
-                raise ProgramError('More transforms arrive than can be judged.')
+                raise ProgramError('More transforms arrive than can be judged: does a timer send '
+                                   'them, or a loop without a pause?')
             self.messages.add(message)
         for gid, (node, topic) in self.listener.publishers().items():
             if gid not in self.publishers:
