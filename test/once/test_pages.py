@@ -20,6 +20,8 @@ def test_python_runs(start, bag_of_a_walk, block, request):  # noqa: F811
                  '/scan geometry_msgs/msg/PointStamped 36', '10.001 s in 1 part(s)', *lines]
     elif "== '/scan'" in block.code:
         lines = ['36 of 36 scans of base_link can be transformed']
+    elif 'robot.mcap' in block.code and 'path_edges' in block.code:
+        lines = ['odom -> base_link: up to 0.10 s without a transform']
     elif 'in robot.topics' in block.code:
         lines = ["['/scan']"]
     if 'end_effector' in block.code or 'joint_command' in block.code:
