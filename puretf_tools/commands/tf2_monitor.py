@@ -76,14 +76,15 @@ def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
     """Return a warning for each frame with several publishers, and tables of frames and nodes."""
     frames = [row for row in rows if row.frame]
     nodes = [row for row in rows if not row.frame]
-    publishers: dict[str, list[str]] = {}
+    publishers: dict[str, dict[str, int]] = {}  # by frame: how many a node has
     for row in frames:
         if row.is_present and (row.is_static or row.summary is not None):
-            publishers.setdefault(row.frame, []).append(row.node)
+            publishers.setdefault(row.frame, {})[row.node] = row.senders
     return [
-        *(f'Warning: {shortened(frame)} is published by {" and ".join(map(shortened, several))}; '
-          'a frame should have one publisher'
-          for frame, several in publishers.items() if len(several) > 1),
+        *(f'Warning: {shortened(frame)} is published by ' + ' and '.join(
+            f'{shortened(node)}{f" ({count} publishers)" if count > 1 else ""}'
+            for node, count in several.items()) + '; a frame should have one publisher'
+          for frame, several in publishers.items() if sum(several.values()) > 1),
         '', *_table('Frames:', 'published by', frames), '',
         *_table('All Broadcasters:', 'node', nodes)]
 

@@ -78,6 +78,7 @@ class NodeTraffic(NamedTuple):
     is_present: Optional[bool]  #: True if the node still publishes; None: not known
     summary: Optional[Summary]  #: None if no dynamic transform was counted within the window
     silence: Optional[float]  #: s since the last one; None if none was counted
+    senders: int = 1  #: the publishers of the node that exist, and send the frame
 
 
 class Traffic:
@@ -158,15 +159,18 @@ class Traffic:
                 for i, column in zip(wanted, delays.T):
                     found.setdefault((frames[i], names.get(publisher, '')), []).append(
                         (times, column))
-        rows = []
+        rows, begin = [], max(0, now - WINDOW * SECOND)
         for (_, child, node), group in sorted(groups.items()):
             last = max(map(self._last.__getitem__, group))
-            present = {listener.is_present(gid) for _, gid, _ in group}
+            present = [listener.is_present(gid) for _, gid, _ in group]
+            recent = [is_static or self._last[frame, gid, is_static] > begin
+                      for frame, gid, is_static in group]
             rows.append(NodeTraffic(
                 child, node, all(is_static for *_, is_static in group),
                 True if True in present else None if None in present else False,
                 _summary(found.get((child, node), ())),
-                in_seconds(max(0, now - last)) if last else None))
+                in_seconds(max(0, now - last)) if last else None,
+                [*zip(present, recent)].count((True, True))))
         return rows
 
 

@@ -16,8 +16,10 @@ def test_lines():
         NodeTraffic('tool', '/b', False, True, moving, 0.01),
         NodeTraffic('tool', '/silent', False, True, None, 71.26),
         NodeTraffic('tool', '/uncounted', False, True, None, None),
+        NodeTraffic('twice', '/arm', False, True, moving, 0.01, 2),
         NodeTraffic('', '/arm', False, True, Summary(None, -1000000.5, 12345678.25), 0.01)]) == [
         'Warning: tool is published by /arm and /b; a frame should have one publisher',
+        'Warning: twice is published by /arm (2 publishers); a frame should have one publisher',
         '',
         'Frames:           rate   average delay     max delay  published by',
         '  base_link     static                                /arm',
@@ -28,6 +30,7 @@ def test_lines():
         '  tool         50.0 Hz      0.001234 s    0.250000 s  /b',
         '  tool                      last received 71.3 s ago  /silent',
         '  tool                                                /uncounted',
+        '  twice        50.0 Hz      0.001234 s    0.250000 s  /arm',
         '',
         'All Broadcasters:       rate   average delay     max delay        node',
         '                        ? Hz -1000000.500000 s 12345678.250000 s  /arm']

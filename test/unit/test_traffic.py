@@ -29,7 +29,8 @@ def rows_of(traffic, frame=None):
     """Return the rows by frame and node; the name of a node is the gid without stars."""
     listener: Any = SimpleNamespace(
         names_of=lambda gids: {gid: gid.rstrip('*') for gid in gids},
-        is_present=lambda gid: None if gid == '/unknown' else gid in ('/robot', '/other', '/a'))
+        is_present=lambda gid: None if gid == '/unknown' else gid.rstrip('*') in (
+            '/robot', '/other', '/a'))
     return {(row.frame, row.node): row for row in traffic.by_node(listener, frame)}
 
 
@@ -144,10 +145,19 @@ def test_each_frame_has_the_delay_of_its_own_stamp(traffic):
         assert rows_of(traffic)[frame, '/a'].summary.average_delay == delay
 
 
+def test_two_publishers_of_one_node(traffic, clock):
+    """They are counted while both send, as when a program is started twice."""
+    for second, *names in (0, '/a', '/a*'), (1, '/a', '/a*'), (15, '/a'):
+        clock.system_time = clock.time = NOW + second * S
+        traffic.observe([message(name, clock.time, 'odom') for name in names])
+        assert rows_of(traffic)['odom', '/a'].senders == (len(names) if second else 0)
+
+
 def test_messages_that_waited_for_the_discovery_are_not_late(traffic):
     """The first messages of a publisher may have waited for the discovery: they have no delay."""
     traffic.observe([message('/a', NOW + i, 'odom', stamp=NOW - S) for i in range(5)])
-    assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
+    assert rows_of(traffic)['odom', '/a'] == NodeTraffic(
+        'odom', '/a', False, True, None, None, senders=0)
     # The delay of a publisher whose clock is an hour behind is counted, too.
     traffic.observe([message('/a', NOW + 300 * MS, 'odom', stamp=NOW - 3600 * S)])
     assert rows_of(traffic)['odom', '/a'].summary.maximum_delay == 3600.3
@@ -180,7 +190,8 @@ def test_time_that_is_set_back(clock, traffic):
     assert rows_of(traffic)['odom', '/a'].summary == Summary(None, 0.0, 0.0)
     clock.time = 5 * S
     clock.system_time += MS
-    assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
+    assert rows_of(traffic)['odom', '/a'] == NodeTraffic(
+        'odom', '/a', False, True, None, None, senders=0)
     traffic.observe([late])
     assert rows_of(traffic)['odom', '/a'].summary is None
     observe(5 * S)
@@ -191,7 +202,8 @@ def test_a_clock_that_does_not_run(clock, traffic):
     """Dynamic transforms are not shown as static; they have no delay."""
     clock.time = 0
     traffic.observe([message('/a', NOW + i * S, 'odom') for i in range(3)])
-    assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
+    assert rows_of(traffic)['odom', '/a'] == NodeTraffic(
+        'odom', '/a', False, True, None, None, senders=0)
 
 
 def test_malformed_messages_are_skipped(traffic):
