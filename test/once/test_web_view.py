@@ -25,6 +25,15 @@ def test_the_body_of_the_arm_in_a_browser(start, browse, tmp_path):
     scene = page.until(lambda: len((scene := page.scene_with(*FRAMES)).bodies) == 5 and scene)
     hand = scene.bodies[-1]
     page.until(lambda: np.linalg.norm(page.scene().bodies[-1] - hand) > 0.05)
+
+    def orange():
+        """Return the number of orange pixels, as the beams have, below the warning of viser."""
+        page.page.screenshot(path=picture)
+        red, green, blue = np.moveaxis(iio.imread(picture)[200:, :, :3].astype(int), -1, 0)
+        return ((red > 150) & (red - green > 60) & (green - blue > 30)).sum()
+
+    # While it moves: it may stand so that the beams point at the camera.
+    page.until(lambda: orange() > 300)
     page.button('pause')
 
     def stand_at_frames():
@@ -36,14 +45,6 @@ def test_the_body_of_the_arm_in_a_browser(start, browse, tmp_path):
     page.open_tab('Robot')
     page.until(lambda: 'dummy_arm on /robot_description: 5 of 5 links have a frame' in
                page.page.inner_text('[data-text="robot"]'))
-
-    def orange():
-        """Return the number of orange pixels, as the beams have, below the warning of viser."""
-        page.page.screenshot(path=picture)
-        red, green, blue = np.moveaxis(iio.imread(picture)[200:, :, :3].astype(int), -1, 0)
-        return ((red > 150) & (red - green > 60) & (green - blue > 30)).sum()
-
-    page.until(lambda: orange() > 300)
     page.open_tab('Display')
     page.tick('Visual', False)
     page.until(lambda: not len(page.scene().bodies) and orange() < 30)
