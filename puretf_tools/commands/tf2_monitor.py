@@ -78,7 +78,7 @@ def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
     nodes = [row for row in rows if not row.frame]
     publishers: dict[str, dict[str, int]] = {}  # by frame: how many a node has
     for row in frames:
-        if row.is_present and (row.is_static or row.summary is not None):
+        if row.senders:
             publishers.setdefault(row.frame, {})[row.node] = row.senders
     return [
         *(f'Warning: {shortened(frame)} is published by ' + ' and '.join(

@@ -78,7 +78,7 @@ class NodeTraffic(NamedTuple):
     is_present: Optional[bool]  #: True if the node still publishes; None: not known
     summary: Optional[Summary]  #: None if no dynamic transform was counted within the window
     silence: Optional[float]  #: s since the last one; None if none was counted
-    senders: int = 1  #: the publishers of the node that exist, and send the frame
+    senders: int  #: the number of publishers of the node that exist, and send the frame
 
 
 class Traffic:

@@ -13,7 +13,7 @@ from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
 from puretf_tools.inspection.gaps import AnyBuffer, holes_at
-from puretf_tools.inspection.traffic import Traffic, WINDOW
+from puretf_tools.inspection.traffic import Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
 
@@ -255,9 +255,9 @@ class LiveFeed(Feed):
         listener = self._frame_listener
         publisher = listener.names_of([frame.authority])[frame.authority]
         nodes = [each for each in self._traffic.by_node(listener, frame.name)
-                 if each.is_present is not False and (each.silence or 0.0) < WINDOW]
+                 if each.is_present is not False]
         summary = next((each.summary for each in nodes if each.node == publisher), None)
-        if len(several := [each.node for each in nodes if each.is_present]) > 1:
+        if len(several := [each.node for each in nodes if each.senders]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'
         return summary and summary.average_delay, publisher
 

@@ -114,7 +114,7 @@ def check_names(data: bytes) -> None:
     check_lines('\n'.join(format_tree(forest, T)))
     check_lines('\n'.join(format_traffic([
         NodeTraffic(name, authority, i % 2 == 0, i % 3 == 0,
-                    Summary(1.0, 0.0, 0.0) if i else None, 1.0)
+                    Summary(1.0, 0.0, 0.0) if i else None, 1.0, i % 2)
         for i, name in enumerate([*names, *names, ''])])))
     _check_commands(rows, ends, source.integer(3))
 
