@@ -15,6 +15,8 @@ from puretf.exceptions import described
 
 #: The seconds of the times of messages are smaller: they are an int32.
 _MOST_SECONDS = 1 << 31
+#: The arguments that are durations, so a large float is no date.
+_DURATIONS = 'buffer_timeout', 'cache_time', 'interval', 'timeout', 'tolerance'
 
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
@@ -62,21 +64,23 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
         return nanoseconds(time, name)
     except TypeError:
         raise TypeError(f'{name} must be an integer (ns), or a time or duration of numpy or ROS, '
-                        f'got {described(time)}{_in_nanoseconds(time)}') from None
+                        f'got {described(time)}{_in_nanoseconds(time, name)}') from None
 
 
-def _in_nanoseconds(time: Any) -> str:
-    """Return how a time is written in ns: a float that is too large for seconds is in ns."""
+def _in_nanoseconds(time: Any, name: str) -> str:
+    """Return how a time is written in ns; only a date shows whether a float is in s or in ns."""
     if isinstance(time, datetime):
-        return f': write {round(time.timestamp() * 10**6) * 1000}'
+        return (f': write {round(time.timestamp() * 10**6) * 1000}' if time.tzinfo else
+                f': write np.datetime64({name}) if it is UTC, or '
+                f'round({name}.timestamp() * 1e6) * 1000 if it is local time')
     if isinstance(time, timedelta):
         return f': write {time // timedelta(microseconds=1) * 1000}'
     number = float(time) if isinstance(time, Real) else nan
     if not isfinite(number):
         return ''
-    seconds = number if abs(number) < _MOST_SECONDS else number / SECOND
-    now = ', or time.time_ns() for the present' * (seconds > 1e9)  # since 2001
-    return f': write {round(number * SECOND if seconds == number else number)}{now}'
+    date = 0.0 if name in _DURATIONS else number * SECOND if 1e8 <= number < 1e10 else number
+    return (f': write {round(date)}, or time.time_ns() for the present' if 1e17 <= date < 2**63
+            else f': write int({name}) if it is in ns, round({name} * 1e9) if it is in s')
 
 
 def int64_times(times: 'ArrayLike | Sequence[Any]', name: str) -> NDArray[np.int64]:
@@ -96,6 +100,10 @@ def int64_times(times: 'ArrayLike | Sequence[Any]', name: str) -> NDArray[np.int
             raise OverflowError(f'{name} must be whole ns from 1678 to 2261, got {given.min()} to '
                                 f'{given.max()}')
         return in_ns.astype(np.int64)
+    if given.dtype.kind == 'f' and given.size and np.isfinite(given).all():
+        raise TypeError(f'{name} must be integers (ns), or times of numpy or ROS, got '
+                        f'{given.dtype}: write np.asarray({name}, np.int64) if they are in ns, '
+                        f'np.round(np.multiply({name}, 1e9)).astype(np.int64) if they are in s')
     if given.dtype.kind not in 'iu':
         given = np.array([nanoseconds_or_int(time, f'{name}[{i}]')
                           for i, time in enumerate(given.tolist())], np.object_)

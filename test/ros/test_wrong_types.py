@@ -149,12 +149,12 @@ def test_a_number_as_a_duration_of_a_filter(ros, argument):
     def create(value):
         MessageFilter(None, Buffer(), 'map', 1, ros.node, **{argument: value}).unregister()
 
-    text = error_of(TypeError, create, 0.5)
+    text, remedy = error_of(TypeError, create, 0.5), f'round({argument} * 1e9)'
     assert text == (
         f'{argument} must be an integer (ns), or a time or duration of numpy or ROS, got 0.5 of '
-        'type float: write 500000000')
+        f'type float: write int({argument}) if it is in ns, {remedy} if it is in s')
     create(Duration(seconds=0.5))
-    create(500000000)
+    create(eval(remedy, {argument: 0.5}))
 
 
 # Fields of messages

@@ -2,13 +2,16 @@
 
 from datetime import datetime, timedelta, timezone
 import math
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from puretf._core.times import nanoseconds, nanoseconds_or_int
+from puretf._core.times import int64_times, nanoseconds, nanoseconds_or_int
 from puretf._text.times import display_time, exact_time, in_seconds
+
+S = 1_000_000_000
 
 
 @pytest.mark.parametrize('time', [
@@ -29,17 +32,55 @@ def test_integers_are_times_where_that_cannot_be_mistaken():
             nanoseconds_or_int(bad)
 
 
-@pytest.mark.parametrize(('number', 'remedy'), [
-    (0.5, '500000000'), (np.float32(0.5), '500000000'), (-2.0, '-2000000000'),
-    (1.77e9, '1770000000000000000, or time.time_ns() for the present'),
-    (1.77e18, '1770000000000000000, or time.time_ns() for the present'),
-    (datetime(2023, 11, 14, 22, 13, 20, 123456, timezone.utc), '1700000000123456000'),
-    (timedelta(seconds=-1, microseconds=2), '-999998000')])
-def test_a_float_or_a_datetime_is_refused(number, remedy):
-    """A float is meant as seconds, as of time.time(); a very large one is in ns already."""
+def remedy_of(convert, *arguments):
+    """Return what the error says to write."""
     with pytest.raises(TypeError) as raised:
-        nanoseconds_or_int(number)
-    assert str(raised.value).partition(': write ')[2] == remedy
+        convert(*arguments)
+    return str(raised.value).partition(': write ')[2]
+
+
+@pytest.mark.parametrize(('time', 'ns'), [
+    (1.77e9, 1_770_000_000 * S), (1e8, 100_000_000 * S), (1.77e18, 1_770_000_000 * S),
+    (np.float32(2**30), 2**30 * S)])
+def test_a_float_that_is_a_date(time, ns):
+    """Its size shows whether it is in s or in ns."""
+    assert remedy_of(nanoseconds_or_int, time) == f'{ns}, or time.time_ns() for the present'
+
+
+def test_a_datetime_is_refused():
+    """Without a zone, Python takes it as local time, and numpy as UTC."""
+    time = datetime(2023, 11, 14, 22, 13, 20, 123456)
+    ns = 1_700_000_000_123_456_000
+    assert remedy_of(nanoseconds_or_int, time.replace(tzinfo=timezone.utc)) == str(ns)
+    (utc, local), = re.findall('(.*) if it is UTC, or (.*) if it is local time$',
+                               remedy_of(nanoseconds_or_int, time, 'since'))
+    assert nanoseconds_or_int(eval(utc, {'np': np, 'since': time})) == ns
+    there = time.replace(tzinfo=timezone.utc).astimezone().replace(tzinfo=None)
+    assert eval(local, {'since': there}) == ns
+    assert remedy_of(nanoseconds_or_int, timedelta(seconds=-1, microseconds=2)) == '-999998000'
+
+
+@pytest.mark.parametrize('number', [0.5, np.float32(0.5), -2.0, 9e7, 1e10, 1e16, 1e20])
+def test_a_float_in_an_unknown_unit_is_refused(number):
+    """The text names both; so it does for a duration of any size."""
+    for name, time in ('time', number), ('interval', 1e8), ('cache_time', 1e18):
+        (in_ns, in_s), = re.findall('(.*) if it is in ns, (.*) if it is in s$', remedy_of(
+            nanoseconds_or_int, time, name))
+        assert eval(in_ns, {name: time}) == int(time)
+        assert eval(in_s, {name: time}) == pytest.approx(float(time) * 1e9, abs=0.5)
+
+
+@pytest.mark.parametrize('convert', [list, np.array])
+def test_floats_in_an_array_are_refused(convert):
+    for times in convert([1.77e9, 1.78e9]), convert([0.29]):
+        (in_ns, in_s), = re.findall('(.*) if they are in ns, (.*) if they are in s$', remedy_of(
+            int64_times, times, 'times'))
+        names = {'np': np, 'times': times}
+        assert int64_times(eval(in_ns, names), 'times').tolist() == [int(t) for t in times]
+        assert int64_times(eval(in_s, names), 'times').tolist() == [round(t * 1e9) for t in times]
+    with pytest.raises(TypeError, match=r'^times\[0\] must be .*, got nan of type float$'):
+        int64_times(convert([math.nan, 0.5]), 'times')
+    assert int64_times(convert([]), 'times').tolist() == []
 
 
 def test_times_of_numpy():
