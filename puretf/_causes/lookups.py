@@ -10,7 +10,7 @@ from puretf._causes.facts import Facts, listed, OTHER_CLOCK, RECENT, UNKNOWN
 from puretf._causes.rules import Evidence, registry, Rule
 from puretf._text.names import namespace_distance, quoted, shortened, TF_MESSAGE
 from puretf._text.similar_names import is_slip, may_be_one_robot, without_prefix
-from puretf._text.times import exact_time, SECOND
+from puretf._text.times import cache_text, exact_time, longer_cache, SECOND
 
 #: The rules, by their codes.
 RULES: dict[str, Rule] = {}
@@ -501,5 +501,5 @@ def _cache_too_short(facts: Facts) -> Iterator[Evidence]:
         yield Evidence('Its earlier transforms have been dropped before the cache time was over',
                        {'argument': 'a larger max_samples'})
     if edge.has_dropped and edge.cache_time < age <= LONGEST_CACHE and _is_in_time(facts):
-        yield Evidence(f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame',
-                       {'argument': f'a cache_time of {ceil(age / SECOND) + 1} s'})
+        yield Evidence(f'The buffer keeps the last {cache_text(edge.cache_time)} of each frame',
+                       {'argument': longer_cache(age, facts.buffer.takes_ns)})

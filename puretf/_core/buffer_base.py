@@ -15,7 +15,7 @@ from puretf._core.frames import Frame
 from puretf._core.pose import Pose
 from puretf._core.times import int64_times, nanoseconds_or_int
 from puretf._core.velocity import twist
-from puretf._text.times import SECOND
+from puretf._text.times import longer_cache, SECOND
 from puretf.exceptions import described, tf2_words, TransformException
 from puretf.transform import Transform, Twist
 
@@ -102,12 +102,13 @@ class BufferBase:
             part = order[begin:begin + _CHUNK]
             is_accepted &= self._engine.insert_many(
                 times[part], frame_id, child_frame_id, rows[part].astype(np.float64), authority)
-        cache_time, log = self._engine.tree.cache_time, self._engine.insertion.log
+        tree, log = self._engine.tree, self._engine.insertion.log
         expired = len(order) > 1 and bisect_left(
-            order, times.item(order[-2]) - cache_time, key=times.item)
+            order, times.item(order[-2]) - tree.cache_time, key=times.item)
         if expired:
             log.warn_once('TF_EXPIRED', texts.expired(
-                child_frame_id, expired, len(order), cache_time))
+                child_frame_id, expired, len(order), tree.cache_time, longer_cache(
+                    times.item(order[-1]) - times.item(order[0]), tree.takes_ns)))
             log.flush()
         return is_accepted and not expired
 

@@ -7,7 +7,7 @@ from math import inf, isnan
 from time import monotonic
 
 from puretf._text.names import abbreviated, visible
-from puretf._text.times import display_time, SECOND
+from puretf._text.times import cache_text, display_time
 
 #: The largest number of frames of which it is remembered that there was a warning.
 _MAX_WARNED = 1000
@@ -73,7 +73,7 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
     return (f'TF_OLD_DATA ignoring data from the past for frame {_plain(child)} at time '
             f'{display_time(stamp)} according to authority {_plain(authority)}\n'
             f'It is {display_time(latest - stamp)} s older than the newest transform of this '
-            f'frame, and {display_time(cache_time)} s are kept. This is logged once per frame')
+            f'frame, and {cache_text(cache_time)} are kept. This is logged once per frame')
 
 
 # The warnings of this package, in the style of tf2's.
@@ -98,10 +98,10 @@ def too_many_samples(child: str, authority: str, of_frame: int, of_buffer: int) 
             'of other frames are dropped, too, if they are too many')
 
 
-def expired(child: str, count: int, total: int, cache_time: int) -> str:
+def expired(child: str, count: int, total: int, cache_time: int, argument: str) -> str:
     return (f'TF_EXPIRED: Of {total} transforms for child_frame_id "{_plain(child)}" in one call, '
             f'{count} are not kept: they are older than the newest one by more than cache_time, '
-            f'{cache_time / SECOND:g} s. Create the buffer with a longer one, or '
+            f'{cache_text(cache_time)}. Create the buffer with {argument}, or '
             'TransformBuffer(cache_time=None), which keeps all. This is logged once per buffer')
 
 

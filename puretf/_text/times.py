@@ -39,6 +39,17 @@ def exact_time(time: Any) -> str:
     return f'{"-" if number < 0 else ""}{whole}.{fraction:09d}'
 
 
+def cache_text(cache_time: int) -> str:
+    """Write a cache time (ns) in s; in ns if it is so short that it may be meant in s."""
+    return f'{cache_time / SECOND:g} s' if cache_time >= 1_000_000 else f'{cache_time} ns'
+
+
+def longer_cache(span: int, takes_ns: bool) -> str:
+    """Write the argument of a buffer that is to keep a span (ns), with a second to spare."""
+    seconds = -(-span // SECOND) + 1
+    return f'cache_time={seconds * SECOND:_} (ns)' if takes_ns else f'a cache_time of {seconds} s'
+
+
 def _integer(time: Any) -> int:
     kind = getattr(getattr(time, 'dtype', None), 'kind', '')  # numpy need not be there
     if time != time:

@@ -19,7 +19,7 @@ from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES, SI
 from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened, SHOWN
 from puretf._text.similar_names import near_names, suggest_names
-from puretf._text.times import CACHE_TIME, exact_time
+from puretf._text.times import CACHE_TIME, exact_time, longer_cache
 from puretf_tools.doctor.message_times import LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import is_in_time, Observation, total
 from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Step
@@ -522,9 +522,8 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
         yield _of_messages(
             observation, [(topic, found)], 'are too old: when they arrive, their transforms are '
             f'up to {_known(-cache)} older than the newest ones',
-            'Send the messages sooner, or give the listener a cache_time of '
-            f'{ceil(cache / SECOND) + 1} s.' if cache <= LONGEST_CACHE and not stream.stalled
-            else None)
+            f'Send the messages sooner, or give the listener {longer_cache(cache, False)}.'
+            if cache <= LONGEST_CACHE and not stream.stalled else None)
 
 
 @_check('message_never', 'Look at the node that publishes the frame: has it stopped, is its clock '

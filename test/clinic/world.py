@@ -148,7 +148,7 @@ class World(NamedTuple):
         """Return the buffer of a program that has received what was sent."""
         buffer = TransformBuffer(self.cache_time)
         engine, reader = engine_of(buffer), MessageReader(print)
-        engine.tree.needs_listener = True
+        engine.tree.takes_ns, engine.tree.needs_listener = False, True  # as a Buffer
         if self.has_listener:
             messages = self.messages()
             for each in messages:

@@ -1,6 +1,7 @@
 """When the explanation of an error is written, and what may happen meanwhile."""
 
 import pickle
+import re
 
 import pytest
 
@@ -71,6 +72,27 @@ def test_a_time_in_seconds_is_told(buffer, seconds, is_told, unit):
     error = error_of(buffer, time)
     assert error.causes == ('time_in_seconds',) * is_told
     assert (f'{time} {unit} is within the data, {time} ns is not.' in str(error)) == is_told
+
+
+@pytest.mark.parametrize(('cache_time', 'kept'), [(10 * S, '10 s'), (10, '10 ns')])
+def test_the_cache_time_that_an_error_names_is_long_enough(logs, cache_time, kept):
+    """It is in ns, as a TransformBuffer takes it; 10 was meant as seconds."""
+    stamps = [T + second * S for second in range(60)]
+    for is_warning in False, True:
+        buffer = TransformBuffer(cache_time)
+        if is_warning:
+            assert not buffer.insert_many(stamps, 'map', 'base', [STILL] * 60)
+            text = logs[-1].getMessage()
+            assert f'more than cache_time, {kept}. ' in text
+        else:
+            for stamp in stamps:
+                buffer.insert(stamp, 'map', 'base', STILL)
+            text = str(error_of(buffer, T))
+            assert f'The buffer keeps the last {kept} of each frame. ' in text
+        (argument,) = re.findall(r' cache_time=([\d_]+) \(ns\)', text)
+        longer = TransformBuffer(cache_time=int(argument))
+        assert longer.insert_many(stamps, 'map', 'base', [STILL] * 60)
+        assert longer.can_transform('map', 'base', T)
 
 
 def test_the_memory_of_facts_is_bounded(buffer):
