@@ -11,7 +11,7 @@ _OFFSETS = {'TAI - UTC': (37.0, 0.1),
             'the GPS epoch': (315_964_800.0, 60.0)}
 #: By unit of time: its length (ns).
 _UNITS = {'seconds': SECOND, 'milliseconds': 1_000_000, 'microseconds': 1000}
-_DAY = 86_400 * SECOND
+DAY = 86_400 * SECOND
 #: Time zones: the least and the greatest difference (min), and the minutes of an hour that occur.
 _ZONES, _MINUTES = (60, 14 * 60), (0, 30, 45)
 #: What is stamped arrives up to this time (s) later.
@@ -33,7 +33,7 @@ def apart(offset: int, stamp: int) -> str:
     """Return how far a stamp is from a clock, and what such an offset is."""
     is_near_0 = offset < 0 < stamp < SINCE_START
     unit = next((unit for unit, ns in _UNITS.items() if is_near_0 and abs(
-        stamp * ns - (stamp - offset)) < _DAY), '')
+        stamp * ns - (stamp - offset)) < DAY), '')
     name = known_offset(offset) or (f'{unit} as nanoseconds' if unit else
                                     'near 0, as since power-on' if is_near_0 else '')
     return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from math import ceil
 
-from puretf._causes.clocks import apart, is_off, SINCE_START
+from puretf._causes.clocks import apart, DAY, is_off, SINCE_START
 from puretf._causes.facts import Facts, listed, OTHER_CLOCK, RECENT, UNKNOWN
 from puretf._causes.rules import Evidence, registry, Rule
 from puretf._text.names import namespace_distance, quoted, shortened, TF_MESSAGE
@@ -76,6 +76,16 @@ def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
     for unit, size in ('s', SECOND), ('ms', SECOND // 1000):
         if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * size <= facts.edge.latest:
             yield Evidence(f'{facts.time} {unit} is within the data, {facts.time} ns is not')
+
+
+@_own_rule('stamps_in_seconds', 'Insert stamps in ns.', 'future', ['future'])
+def _stamps_in_seconds(facts: Facts) -> Iterator[Evidence]:
+    oldest, latest = facts.edge.oldest, facts.edge.latest
+    for unit, size in ('s', SECOND), ('ms', SECOND // 1000):
+        # Stamps in ns that are read in another unit are years apart.
+        if facts.buffer.takes_ns and 0 < oldest * size <= facts.time < (latest + 1) * size and (
+                (latest - oldest) * size <= DAY):
+            yield Evidence(f'That time is within the data if their stamps are in {unit}')
 
 
 @_own_rule('no_listener', 'Create a TransformListener.', 'missing_frame', ['missing'])

@@ -853,6 +853,7 @@ REMEDIES = {
     'half_namespace': 'commands/test_tf_doctor.py::test_half_a_namespace',
     'many_publishers': 'commands/test_tf_doctor.py::test_a_healthy_arm',
     'missing_part': 'unit/test_doctor.py::test_a_missing_part',
+    'stamps_in_seconds': 'unit/test_explanations.py::test_stamps_in_seconds_are_told',
     'time_in_seconds': 'unit/test_transform_buffer.py::test_the_hint_of_an_error',
     'time_is_duration': 'ros/test_buffer.py::test_a_lookup_waits_for_the_data',
     'too_soon': 'unit/test_transform_buffer.py::test_waits_for_data_from_another_thread',

@@ -74,6 +74,34 @@ def test_a_time_in_seconds_is_told(buffer, seconds, is_told, unit):
     assert (f'{time} {unit} is within the data, {time} ns is not.' in str(error)) == is_told
 
 
+@pytest.mark.parametrize(('unit', 'size'), [('s', S), ('ms', S // 1000)])
+@pytest.mark.parametrize(('units', 'is_told'), [(-1, False), (0, True), (60, True), (61, False)])
+def test_stamps_in_seconds_are_told(unit, size, units, is_told):
+    """They are integers, so that the last one may be almost a unit before the time."""
+    time = T + units * size + size // 2
+    wrong, right = (TransformBuffer(cache_time=None) for _ in range(2))
+    for i in range(62):
+        right.insert(T + i * size, 'map', 'base', STILL)
+        if i < 61:
+            wrong.insert(T // size + i, 'map', 'base', STILL)
+    error = error_of(wrong, time)
+    assert error.causes == ('stamps_in_seconds',) * is_told
+    assert (f'within the data if their stamps are in {unit}. Insert stamps in ns. ' in str(error)
+            ) == is_told
+    assert not is_told or right.can_transform('map', 'base', time)
+
+
+@pytest.mark.parametrize('stamps', [[0], [0, S // 100], [S, 10 * S], [5, 50 * S]])
+@pytest.mark.parametrize('time', [S // 2, 20 * S, T])
+def test_stamps_since_the_start_are_in_ns(stamps, time):
+    """Read in seconds, those of a simulation would be years, and so any time within them."""
+    buffer = TransformBuffer(cache_time=None)
+    for stamp in stamps:
+        buffer.insert(stamp, 'map', 'base', STILL)
+    why = buffer.why_not('map', 'base', time)
+    assert 'Insert stamps' not in why
+
+
 @pytest.mark.parametrize(('cache_time', 'kept'), [(10 * S, '10 s'), (10, '10 ns')])
 def test_the_cache_time_that_an_error_names_is_long_enough(logs, cache_time, kept):
     """It is in ns, as a TransformBuffer takes it; 10 was meant as seconds."""
