@@ -21,8 +21,8 @@ _NAMES = *_NOT_THERE, 'typo'
 _NO_DATA = *_NOT_THERE, 'silence'
 _NOTHING = 'missing', 'silence'
 _TIMES = 'past', 'future'
-_SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, with a '
-               'StaticTransformBroadcaster.')
+_SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, as a static one '
+               '(StaticTransformBroadcaster, or is_static=True).')
 SIM_TIME = 'Set use_sim_time in all nodes, or in none.'
 PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
 PLAY = 'Play the bag with --clock, and set use_sim_time.'
@@ -204,7 +204,7 @@ def _refused(count: int, child: str, nodes: Sequence[str]) -> str:
     return f'Transforms of {quoted(child)}{_of("from", nodes)} were refused, {count} in all'
 
 
-@_rule('zero_stamp', 'Set header.stamp to the time of the transform.', 'clock', _TIMES)
+@_rule('zero_stamp', 'Set header.stamp, or stamp=, to the time of the transform.', 'clock', _TIMES)
 def _zero_stamp(facts: Facts) -> Iterator[Evidence]:
     if facts.edge.oldest == facts.edge.latest == 0:
         yield Evidence('All its stamps are 0')

@@ -74,6 +74,21 @@ def test_a_time_in_seconds_is_told(buffer, seconds, is_told, unit):
     assert (f'{time} {unit} is within the data, {time} ns is not.' in str(error)) == is_told
 
 
+@pytest.mark.parametrize(('stamps', 'code', 'remedy'), [
+    ([T, T, T], 'frozen_stamp', {'is_static': True}), ([0, 0], 'zero_stamp', {'stamp': T - S})])
+def test_the_remedies_for_a_buffer_without_a_listener(stamps, code, remedy):
+    """They name the arguments of `insert`."""
+    buffer = TransformBuffer()
+    for stamp in stamps:
+        buffer.insert(stamp, 'map', 'base', STILL)
+    error = error_of(buffer, T - S)
+    assert error.causes == (code,)
+    assert all(f'{argument}=' in str(error) for argument in remedy)
+    given = {'stamp': T, 'frame_id': 'map', 'child_frame_id': 'base', 'pose': STILL}
+    buffer.insert(**given | remedy)
+    assert buffer.can_transform('map', 'base', T - S)
+
+
 @pytest.mark.parametrize(('unit', 'size'), [('s', S), ('ms', S // 1000)])
 @pytest.mark.parametrize(('units', 'is_told'), [(-1, False), (0, True), (60, True), (61, False)])
 def test_stamps_in_seconds_are_told(unit, size, units, is_told):
