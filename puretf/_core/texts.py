@@ -52,6 +52,7 @@ def refusals(parent: str, child: str, pose: Sequence[float], authority: str, is_
     """
     publisher = f'authority "{_plain(authority)}"'
     numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
+    numbers += ': its quaternion is zero' * is_zero
     reason = 'unnormalized' if is_zero else 'not_a_number'
     return [(code, text) for code, applies, text in (
         ('loop' if child else 'empty_name', parent == child,
