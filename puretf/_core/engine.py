@@ -150,14 +150,16 @@ class Engine:
             stamp = nanoseconds_or_int(stamp, 'stamp')
         if not -END <= stamp < END:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
-        x, y, z, qx, qy, qz, qw = array('d', pose)
-        pose = x, y, z, qx, qy, qz, qw
+        numbers: Any = tuple(array('d', pose))
+        if len(numbers) != 7:
+            raise ValueError('a pose must be 7 numbers, x, y, z and the quaternion x, y, z, w, '
+                             f'got {len(numbers)}')
         if self._sources or self._is_changing:
             self.update()  # messages that arrived before this call are inserted first
         with self.lock:
             is_accepted = self._change(
                 self.insertion.insert, stamp, frame_id.removeprefix('/'),
-                child_frame_id.removeprefix('/'), pose, authority, is_static)
+                child_frame_id.removeprefix('/'), numbers, authority, is_static)
             if is_accepted:
                 self._notify_lookups()
         self.after_insertion()

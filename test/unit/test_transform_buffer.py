@@ -131,6 +131,16 @@ def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
     assert buffer.all_frames_as_yaml() == '[]'
 
 
+@pytest.mark.parametrize('pose', [(0, 0, 0, *STILL[1:]), (), [0.0] * 8, np.zeros(6)])
+def test_a_pose_of_a_wrong_size(pose):
+    """The text says what a pose is."""
+    buffer = TransformBuffer()
+    with pytest.raises(ValueError, match='^a pose must be 7 numbers, x, y, z and the quaternion '
+                       f'x, y, z, w, got {len(pose)}$'):
+        buffer.insert(T, 'a', 'b', pose)
+    assert buffer.frame_names() == []
+
+
 def test_warnings_are_logged_once_per_cause_and_frame(logs, monkeypatch):
     """A warning of the same cause is logged for another frame after a second at the earliest."""
     now = 100.0
