@@ -38,6 +38,9 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         raise UsageError('--time needs --export')
     show = partial(_show, host, port, meshes, view)
     path = None if export is None else path_to_write(export, ['.html'])
+    if not bag:
+        from puretf_tools.cli.node import spinning_node
+    from puretf_tools.view import viser_private  # noqa: F401  (it says if viser is missing)
     if bag:
         feed = BagFeed(TransformBuffer(2**63 - 1, max_samples=None), Path(bag.paths[0]).name)
         feed.follow = follow
@@ -49,7 +52,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         else:
             _show_bag(bag, feed, show)
     else:
-        from puretf_tools.cli.node import spinning_node
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             live.follow = follow
@@ -117,8 +119,8 @@ def _export(feed: Feed, seconds: float, meshes: Sequence[str], path: Path) -> No
 
 def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[str], feed: Feed
           ) -> None:
-    from puretf_tools.view.server import serve  # first, since it says if viser is missing
-    from puretf_tools.view.settings import Settings  # isort: skip
+    from puretf_tools.view.server import serve
+    from puretf_tools.view.settings import Settings
     from puretf_tools.view.view import show
     first = ''
     if view is not None:

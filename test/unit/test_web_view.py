@@ -61,10 +61,12 @@ def test_a_view_that_cannot_be_read(failed, bag, tmp_path, text):
         f'web_view: {path}: this is no view: copy the line that "copy view" shows'))
 
 
-def test_without_viser(bag):
+@pytest.mark.parametrize('options', [[], ['--export', 'page.html']])
+def test_without_viser(bag, there, options):
     """The error says what is missing, and how to install it."""
-    done = subprocess.run([sys.executable, *tool_without(['viser'], 'web_view', '--bag', bag)],
-                          capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, *tool_without(['viser'], 'web_view', '--bag', bag, *options)],
+        capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == ('web_view: viser, which makes the page, cannot be imported (No '
                            "module named 'viser'): pip install 'viser>=1.1.1,<1.2'\n")
