@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Sequence
 import sys
 
 from dummy_arm.grading.records import Grade
+from puretf._text.distribution import require_ros
 from puretf_tools.cli.parser import CommandError
 
 __all__ = ['grade']
@@ -27,9 +28,11 @@ def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
         the programs. It raises KeyboardInterrupt at Ctrl-C, and at a SIGTERM that no program has
         sent.
     :raises CommandError: if this is not Linux, or psutil is missing.
+    :raises ModuleNotFoundError: if ROS is missing.
     """
     if sys.platform != 'linux':
         raise CommandError('programs can be run on Linux only; record a bag, and use --bag')
+    require_ros(['rclpy', 'geometry_msgs'])
     try:
         import psutil  # noqa: F401
     except ImportError:

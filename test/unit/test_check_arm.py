@@ -11,10 +11,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 from arms import Arm, changed, hand, WRONG
-from environment import code_without, on_linux
+from environment import code_without, on_linux, ROS
 from hand_ins import read_table
 import numpy as np
-from processes import tool_without_ros
+from processes import tool_without, tool_without_ros
 import pytest
 
 from dummy_arm.check_arm import main
@@ -170,11 +170,31 @@ def test_without_pypdf(capsys, monkeypatch):
 @on_linux
 def test_without_psutil(failed, monkeypatch):
     """The remedy is named; what runs no program does not need it."""
+    pytest.importorskip('rclpy', reason='the first remedy is to install ROS')
     monkeypatch.setitem(sys.modules, 'psutil', None)
     assert failed(main, 'arm.py') == (
         1, 'check_arm: psutil is missing: pip install psutil, or apt install python3-psutil\n')
     code = f'{code_without(["psutil"])}import dummy_arm.check_arm, dummy_arm.grading.requirements'
     subprocess.run([sys.executable, '-c', code], check=True)
+
+
+@on_linux
+def test_programs_without_ros(tmp_path):
+    """One line says what is missing, and no program is run; so does the error of `grade`."""
+    path = tmp_path / 'arm.py'
+    path.write_text('open("run", "w")')
+    missing = [*ROS, 'psutil']
+    code = f'{code_without(missing)}from dummy_arm.grading import grade\ngrade([{str(path)!r}])'
+    by_command, by_function = (
+        subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False,
+                       cwd=tmp_path)
+        for arguments in (tool_without(missing, 'check_arm', str(path)), ('-c', code)))
+    assert (by_command.returncode, by_command.stdout) == (1, '')
+    assert re.fullmatch('check_arm: this command needs ROS, but rclpy cannot be imported: .*\n',
+                        by_command.stderr)
+    assert by_function.stderr.splitlines()[-1].startswith(
+        'ModuleNotFoundError: this needs ROS, but rclpy is not installed: ')
+    assert [*tmp_path.iterdir()] == [path]
 
 
 NO_TEXT = ('It is not text in UTF-8, but perhaps a PDF, an archive or a compiled program: hand in '
