@@ -15,10 +15,15 @@ Vector = tuple[float, float, float]
 
 
 class Twist(NamedTuple):
-    """The velocity of a frame as seen in a target frame, in the axes of the target frame."""
+    """
+    The velocity of a frame as seen in a target frame, in the axes of the target frame.
 
-    linear: Vector  #: velocity of the origin of the frame: x, y, z (m/s)
-    angular: Vector  #: angular velocity of the frame: x, y, z (rad/s)
+    :param linear: velocity of the origin of the frame: x, y, z (m/s)
+    :param angular: angular velocity of the frame: x, y, z (rad/s)
+    """
+
+    linear: Vector
+    angular: Vector
 
 
 class Transform(NamedTuple):
@@ -28,13 +33,19 @@ class Transform(NamedTuple):
     It converts points from the child frame to `frame_id`. In the result of a lookup, `frame_id` is
     the target frame and `child_frame_id` the source frame. `target_from_source` is a good name for
     it: such names show that `a_from_b @ b_from_c` is `a_from_c`.
+
+    :param stamp: time (ns)
+    :param frame_id: the parent frame
+    :param child_frame_id: the child frame
+    :param translation: x, y, z (m)
+    :param rotation: quaternion x, y, z, w
     """
 
-    stamp: int  #: time (ns)
-    frame_id: str  #: the parent frame
-    child_frame_id: str  #: the child frame
-    translation: Vector = (0.0, 0.0, 0.0)  #: x, y, z (m)
-    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: quaternion x, y, z, w
+    stamp: int
+    frame_id: str
+    child_frame_id: str
+    translation: Vector = (0.0, 0.0, 0.0)
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
     @classmethod
     def from_message(cls, message: Any) -> 'Transform':

@@ -24,23 +24,33 @@ _DURABILITIES = {'0': 'SYSTEM_DEFAULT', '1': 'TRANSIENT_LOCAL', '2': 'VOLATILE',
 
 @dataclass(eq=False)
 class Topic:
-    """A topic of a bag; in ROS 1, what one node has published on it."""
+    """
+    A topic of a bag; in ROS 1, what one node has published on it.
+
+    :param msgtype: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
+    :param publisher: the name of the node that published it; 'not recorded' in rosbag2
+    :param is_static: whether it is /tf_static of the namespace; None: it is neither
+    :param has_header: whether its messages begin with a header; None: it is not known. False if
+        neither headers nor messages of this name are read
+    :param headers: the headers of all messages, or of evenly spaced ones, at most 20 000
+    :param is_tf: True if its messages are TF messages
+    :param durabilities: how many publishers have which recorded durability, such as
+        'TRANSIENT_LOCAL'
+    :param count: the number of its messages in the files that have been read
+    """
 
     name: str
-    msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
+    msgtype: str
     encoding: Encoding
-    publisher: str  #: the name of the node that published it; 'not recorded' in rosbag2
-    is_static: Optional[bool]  #: whether it is /tf_static of the namespace; None: it is neither
-    #: Whether its messages begin with a header; None: it is not known. False if neither headers
-    #: nor messages of this name are read.
+    publisher: str
+    is_static: Optional[bool]
     has_header: Optional[bool]
-    headers: Headers  #: of all messages, or of evenly spaced ones, at most 20 000
-    is_tf: bool  #: True if its messages are TF messages
+    headers: Headers
+    is_tf: bool
     is_wanted: bool  #: True if its messages are read
     is_read: bool  #: True if its messages, or their headers, are read
-    #: How many publishers have which recorded durability, such as 'TRANSIENT_LOCAL'.
     durabilities: Counter[str] = field(default_factory=Counter)
-    count: int = 0  #: the number of its messages in the files that have been read
+    count: int = 0
 
 
 #: A message of a bag: its topic, the time at which it was recorded (ns), and its bytes.

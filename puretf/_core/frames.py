@@ -18,19 +18,28 @@ _LONGEST_KEY = 1024
 
 
 class Frame(NamedTuple):
-    """The state of a frame that has a parent."""
+    """
+    The state of a frame that has a parent.
 
-    name: str  #: the frame
-    parent: str  #: the parent of the frame
-    authority: str  #: the publisher of the transform that was inserted last
-    is_static: bool  #: True if the transform from the parent is static
-    length: int  #: the number of samples; 1 if the frame is static
-    latest: int  #: the newest stamp (ns); 0 if the frame is static
-    oldest: int  #: the oldest stamp (ns); 0 if the frame is static
-    #: The stamp (ns) of the transform that arrived last, even if it was older than the buffer
-    #: keeps them; 0 if the frame is static.
+    :param authority: the publisher of the transform that was inserted last
+    :param is_static: True if the transform from the parent is static
+    :param length: the number of samples; 1 if the frame is static
+    :param latest: the newest stamp (ns); 0 if the frame is static
+    :param oldest: the oldest stamp (ns); 0 if the frame is static
+    :param arrived: the stamp (ns) of the transform that arrived last, even if it was older than
+        the buffer keeps them; 0 if the frame is static
+    :param sender: the publisher of that transform
+    """
+
+    name: str
+    parent: str
+    authority: str
+    is_static: bool
+    length: int
+    latest: int
+    oldest: int
     arrived: int = 0
-    sender: str = ''  #: the publisher of that transform
+    sender: str = ''
 
     @property
     def buffer_length(self) -> float:

@@ -18,18 +18,22 @@ class Headers:
 
     Whenever the sample is full, every second message is dropped, and from then on half as many are
     added.
+
+    :ivar count: the number of all messages
+    :ivar step: of so many messages, one is in the sample
+    :ivar frames: by name: the number of the frame
+    :ivar frame_numbers: by message: the frame
+    :ivar arrivals: by message: the time of arrival or of the recording (ns)
+    :ivar stamps: by message: the stamp (ns)
+    :ivar nanosec: the largest nanosec of a stamp, which should be less than a second
     """
 
     def __init__(self, encoding: Encoding = CDR, most: int = 20_000) -> None:
         """Create an empty sample of at most `most` messages."""
         self._most, self._header = most, encoding.header
-        self.count = 0  #: the number of all messages
-        self.step = 1  #: of so many messages, one is in the sample
-        self.frames: dict[str, int] = {}  #: by name: the number of the frame
-        self.frame_numbers = array('q')  #: by message: the frame
-        self.arrivals = array('q')  #: by message: the time of arrival or of the recording (ns)
-        self.stamps = array('q')  #: by message: the stamp (ns)
-        self.nanosec = 0  #: the largest nanosec of a stamp, which should be less than a second
+        self.count, self.step, self.nanosec = 0, 1, 0
+        self.frames: dict[str, int] = {}
+        self.frame_numbers, self.arrivals, self.stamps = array('q'), array('q'), array('q')
 
     def wants_next(self) -> bool:
         """Count a message; return whether it belongs to the sample."""

@@ -12,7 +12,7 @@ from environment import code_without, COMMANDS, ROOT, ROS
 import pytest
 
 import puretf
-from puretf import Transform, TransformBuffer
+from puretf import bag, Frame, Transform, TransformBuffer, Twist
 from puretf._text import distribution
 
 
@@ -126,6 +126,16 @@ def test_array_arguments_are_array_like():
         pydoc.render_doc(Transform))
     assert "stamps: 'ArrayLike | Sequence[Any]'" in shown
     assert '_NestedSequence' not in shown
+
+
+@pytest.mark.parametrize('cls', [Frame, Transform, Twist, bag.Headers, bag.Topic])
+def test_help_has_the_fields(cls):
+    """It prints no comments; some names say all."""
+    fields = {name for name in getattr(cls, '__annotations__', None) or vars(cls())
+              if name[0] != '_'} - {'name', 'parent', 'encoding', 'is_wanted', 'is_read'}
+    help_text = pydoc.plain(pydoc.render_doc(cls))
+    assert fields
+    assert fields <= {*re.findall(r':(?:param|ivar) (\w+): ', help_text)}
 
 
 def test_every_command_is_installed():
