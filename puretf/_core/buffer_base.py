@@ -79,7 +79,7 @@ class BufferBase:
         faster than one `insert` for each if they are newer than the poses that the buffer has of
         the frame, and if their stamps differ. Names and rotations are treated as in `insert`.
 
-        :param stamps: (n,) times of the poses, as in `lookup_transforms`.
+        :param stamps: (n,) times of the poses, as in `lookup_transforms`; not from 0 on.
         :param poses: (n, 7): x, y, z (m) and the quaternion x, y, z, w.
         :returns: False if some of them were refused or are not kept; the log says why.
         :raises TypeError: if an argument has a wrong type.
@@ -171,7 +171,8 @@ class BufferBase:
 
         More than 2500 times are looked up in parts; between two parts, new data may be inserted.
 
-        :param times: (n,) integers (ns), datetime64, or times of ROS; 0 as in other lookups.
+        :param times: (n,) integers (ns), datetime64, or times of ROS. 0 means the latest time, so
+            data must not begin at 0: add a start time to their stamps.
         :param as_matrices: True: return homogeneous matrices.
         :returns: three arrays: (n, 3) float64 translations x, y, z (m), (n, 4) float64 quaternions
             x, y, z, w, and (n,) bool: True where there is a transform. Where it is False,
