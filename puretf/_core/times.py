@@ -25,10 +25,8 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
 
     :param name: the name of the argument, for the text of the TypeError.
     """
-    try:
-        return int(time.nanoseconds)
-    except AttributeError:
-        pass
+    if (number := getattr(time, 'nanoseconds', None)) is not None:
+        return int(number)
     if hasattr(time, 'sec') and hasattr(time, 'nanosec'):
         return int(time.sec) * SECOND + int(time.nanosec)
     remedy = written(time, 'Time' if name == 'time' else 'Duration')
