@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
-from math import pi, tau
 from pathlib import Path
 import sys
 from typing import Any, Optional, TextIO
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from puretf import exact_time, SECOND, TransformException
 from puretf._text.names import shortened, visible
+from puretf.rotations import euler_from_quaternion
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
 from puretf_tools.cli.parser import CommandError, frame_name, Parser, run, UsageError
@@ -37,8 +37,6 @@ MAX_ROWS = 10_000_000
 MAX_DRAWN = 20_000
 #: The number of rows that are looked up, or written, between two checks for a signal.
 _PART = 8192
-#: Near gimbal lock, a norm below this number is an error by rounding.
-_ROUNDING = 4.0 * np.finfo(np.float64).eps
 
 #: The columns of values, with the names of CSV files.
 POSE = ('x_m', 'y_m', 'z_m', 'qx', 'qy', 'qz', 'qw', 'roll_rad', 'pitch_rad', 'yaw_rad')
@@ -95,10 +93,11 @@ class Trajectory:
     def _look_up(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
         buffer = self._found.buffer
         values[:, :3], values[:, 3:7], known = buffer.lookup_transforms(*self.ends, times)
-        values[:, 7:10] = roll_pitch_yaw(values[:, 3:7])
-        for i in np.flatnonzero(known & self.has_twist).tolist():
-            with suppress(TransformException):
-                values[i, 10:] = np.ravel(self._twist(int(times[i])))
+        for i in np.flatnonzero(known).tolist():
+            values[i, 7:10] = euler_from_quaternion(values[i, 3:7].tolist())
+            if self.has_twist:
+                with suppress(TransformException):
+                    values[i, 10:] = np.ravel(self._twist(int(times[i])))
 
     def __str__(self) -> str:
         count, begin, end = len(self.stamps), *map(exact_time, self.stamps[[0, -1]])
@@ -148,26 +147,6 @@ def _without_flips(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     signs = np.cumprod(np.where(is_flip, -1.0, 1.0))
     quaternions[1:] *= signs[:, None]
     return quaternions + 0.0  # no -0.0
-
-
-def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Convert many quaternions as `euler_from_quaternion` converts one.
-
-    :param quaternions: (n, 4): x, y, z, w, of length 1 or NaN.
-    :returns: (n, 3): the angles about the fixed axes x, y and z (rad).
-    """
-    x, y, z, w = quaternions.T
-    a, b, c, d = w - y, x + z, w + y, z - x
-    sum_norm, difference_norm = np.hypot(a, b), np.hypot(c, d)
-    half_sum, half_difference = np.arctan2(b, a), np.arctan2(d, c)
-    half_sum, half_difference = (np.where(sum_norm < _ROUNDING, -half_difference, half_sum),
-                                 np.where(difference_norm < _ROUNDING, -half_sum, half_difference))
-    pitch = 2.0 * np.arctan2(difference_norm, sum_norm) - pi / 2.0
-    angles = np.stack((half_sum - half_difference, pitch, half_sum + half_difference), axis=1)
-    # The rest of the division by a whole turn is in (-pi, pi]; adding 0.0 turns -0.0 into 0.0.
-    wrapped: NDArray[np.float64] = angles - tau * np.ceil(angles / tau - 0.5) + 0.0
-    return wrapped
 
 
 def command(target_frame: Optional[str], source_frame: Optional[str], output: Optional[str],

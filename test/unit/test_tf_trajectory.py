@@ -9,14 +9,13 @@ import subprocess
 import sys
 
 from arms import Arm, BEGIN, hand
-from hypothesis import given
-from hypothesis import strategies as st
 import numpy as np
 from processes import tool_without_ros
 import pytest
 
 from puretf import bag as tf_bag
-from puretf.rotations import euler_from_quaternion, quaternion_from_euler
+from puretf import TransformBuffer
+from puretf.rotations import quaternion_from_euler
 from puretf_tools.commands import tf_trajectory
 
 bags = pytest.importorskip('bags')
@@ -238,31 +237,6 @@ def test_frames_that_do_not_move(failed, tmp_path, target, text):
             1, f'tf_trajectory: {text}\n')
 
 
-@given(st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(
-    x * x for x in q) > 1e-6), min_size=1))
-def test_angles_are_those_of_rotations(quaternions):
-    """They are computed for many rotations at once."""
-    given = np.array(quaternions) / np.linalg.norm(quaternions, axis=1, keepdims=True)
-    difference = tf_trajectory.roll_pitch_yaw(given) - [
-        euler_from_quaternion(quaternion) for quaternion in given.tolist()]
-    assert abs(np.exp(1j * difference) - 1.0).max() < 1e-7
-
-
-@pytest.mark.parametrize(('given', 'expected', 'within'), [
-    # At gimbal lock, the yaw is 0, as in tf2_echo.
-    ((0.3, pi / 2, 0.2), [0.1, pi / 2, 0.0], 1e-12),
-    ((0.3, -pi / 2, 0.2), [0.5, -pi / 2, 0.0], 1e-12),
-    *((angles, [*angles], 1e-15) for angle in (0.0, pi / 2, pi, -pi / 2, 3.0, -3.0)
-      for angles in ((angle, 0.0, 0.0), (0.0, 0.0, angle)))], ids=str)
-def test_angles_of_single_rotations(given, expected, within):
-    """They are in (-pi, pi], for both signs of the quaternion; a table has no -0.0."""
-    quaternion = np.array([quaternion_from_euler(*given)])
-    for each in quaternion, -quaternion:
-        (angles,) = tf_trajectory.roll_pitch_yaw(each)
-        assert angles.tolist() == pytest.approx(expected, abs=within)
-        assert not np.signbit(angles[angles == 0.0]).any()
-
-
 def test_odd_names_are_drawn_as_they_are(run, tmp_path):
     """A name may look like a formula, or have control characters."""
     pytest.importorskip('matplotlib')
@@ -395,16 +369,16 @@ def test_a_signal_leaves_no_partial_file(failed, monkeypatch, arm_bag, there, en
     """It is noticed between parts of many rows, and at the end. An old file stays."""
     if ending == 'png':
         pytest.importorskip('matplotlib')
-    convert = tf_trajectory.roll_pitch_yaw
+    look_up = TransformBuffer.lookup_transforms
     parts: list[int] = []
 
-    def interrupt(quaternions):
+    def interrupt(buffer, target, source, times):
         if not parts:
             signal.raise_signal(signal.SIGTERM)
-        parts.append(len(quaternions))
-        return convert(quaternions)
+        parts.append(len(times))
+        return look_up(buffer, target, source, times)
 
-    monkeypatch.setattr(tf_trajectory, 'roll_pitch_yaw', interrupt)
+    monkeypatch.setattr(TransformBuffer, 'lookup_transforms', interrupt)
     (there / f'arm.{ending}').write_text('old')
     outcome = failed(tf_trajectory.main, '--bag', arm_bag, *FRAMES, *every, '-o', f'arm.{ending}')
     assert outcome == (143, 'tf_trajectory: ended early by SIGTERM\n')
