@@ -73,11 +73,10 @@ class Buffer(BufferCore, BufferInterface):
         """Clear the buffer, and log a warning, at most once a second."""
         is_switch = time_jump.clock_change in (
             ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED)
-        self._engine.insertion.log.warn_once(
-            'jump', f'Detected {"time source change" if is_switch else "jump back in time"}. '
-            'Clearing tf buffer.', 1.0, partial(clock_end, self._engine.tree.look))
         self.clear()
-        self._engine.insertion.log.flush()
+        if (log := self._engine.insertion.log).is_due('jump'):
+            log.write(f'Detected {"time source change" if is_switch else "jump back in time"}. '
+                      f'Clearing tf buffer.{clock_end(self._engine.tree.look)}')
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
                          timeout: Duration = NO_WAIT) -> TransformStamped:

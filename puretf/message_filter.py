@@ -195,7 +195,7 @@ class MessageFilter:
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
         """Drop all messages, because the clock of the node has jumped back or was switched."""
-        if (self._queue.waiting or self._queue.due) and self._log.is_due('jump', 1.0):
+        if (self._queue.waiting or self._queue.due) and self._log.is_due('jump'):
             self._log.write('Detected jump back in time. Clearing the message filter.')
         self.clear()
 
@@ -304,7 +304,7 @@ class MessageFilter:
             self._trigger()
 
     def _log_drop(self, entry: Entry) -> None:
-        if self._log.is_due(entry.reason.name, 1.0):
+        if self._log.is_due(entry.reason.name):
             self._log.write(
                 f"Message Filter dropping message: frame '{shortened(entry.frame)}' at time "
                 f"{display_time(entry.stamp)} for reason '{_TEXTS[entry.reason]}'. Messages "

@@ -134,7 +134,7 @@ class ThrottledLog:
         child = abbreviated(child)
         for problem in problems:
             cause = problem.partition(' ')[0]
-            if (cause, child) not in self._warned and self.is_due(cause, 1.0):
+            if (cause, child) not in self._warned and self.is_due(cause):
                 self._queue.append((problem, end))
                 if len(self._warned) >= _MAX_WARNED:
                     self._warned.clear()
@@ -150,7 +150,7 @@ class ThrottledLog:
         if self.is_due(cause, silence):
             self._queue.append((problem, end))
 
-    def is_due(self, cause: str, silence: float) -> bool:
+    def is_due(self, cause: str, silence: float = 1.0) -> bool:
         """Return whether a warning may be written; if so, the next is due after `silence` (s)."""
         now = monotonic()
         if now < self._next_times.get(cause, now):
