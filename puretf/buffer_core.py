@@ -15,8 +15,8 @@ from puretf._core.frames import as_dot
 from puretf._core.pose import Pose
 from puretf._core.times import nanoseconds, split
 from puretf._core.velocity import tf2_velocity
-from puretf._text.times import CACHE_TIME
 from puretf.transform import Vector
+from puretf.transform_buffer import CACHE_TIME
 
 _LATEST = Time()
 

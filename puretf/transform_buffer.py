@@ -8,9 +8,12 @@ from puretf._core.buffer_base import BufferBase, debug_tuple
 from puretf._core.engine import engine_of
 from puretf._core.history import load
 from puretf._core.times import nanoseconds_or_int
-from puretf._text.times import CACHE_TIME
+from puretf._text.times import SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
+
+#: How long buffers keep transforms by default (ns), as tf2 does.
+CACHE_TIME = 10 * SECOND
 
 
 class TransformBuffer(BufferBase):

@@ -4,8 +4,6 @@ from typing import Any
 
 #: One second (ns).
 SECOND = 1_000_000_000
-#: How long a buffer keeps transforms if nothing else is said (ns).
-CACHE_TIME = 10 * SECOND
 
 
 def in_seconds(time: Any) -> float:

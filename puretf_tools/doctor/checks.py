@@ -19,7 +19,8 @@ from puretf._causes.lookups import LONGEST_CACHE, PLAY, PLAYER, remap, RULES, SI
 from puretf._causes.rules import known, registry, Rule
 from puretf._text.names import comma_list, quoted, shortened, SHOWN
 from puretf._text.similar_names import near_names, suggest_names
-from puretf._text.times import CACHE_TIME, exact_time, longer_cache
+from puretf._text.times import exact_time, longer_cache
+from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.doctor.message_times import LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import is_in_time, Observation, total
 from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Step

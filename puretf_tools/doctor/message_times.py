@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._causes.facts import OTHER_CLOCK
-from puretf._text.times import CACHE_TIME, SECOND
+from puretf._text.times import SECOND
 from puretf.bag import Headers
+from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.doctor.stream import Edge, NEVER, Stream
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from puretf._causes.clocks import is_off
 from puretf._causes.facts import Facts, Frames, Heard, Parent, Publisher, Surroundings
 from puretf._text.names import comma_list, namespace_path, SHOWN, TF_MESSAGE
-from puretf._text.times import CACHE_TIME, exact_time, SECOND
+from puretf._text.times import exact_time, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
+from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.doctor.message_times import judge, MessageTimes
 from puretf_tools.doctor.stream import Edge, FEWEST, GAP, NEVER, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track

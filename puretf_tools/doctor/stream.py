@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf._causes.facts import OTHER_CLOCK
-from puretf._text.times import CACHE_TIME
+from puretf.transform_buffer import CACHE_TIME
 
 #: What arrives more than `LATE` (ns) after its stamp is late; if its stamp is more than `FUTURE`
 #: (ns) after its arrival, it is from the future.

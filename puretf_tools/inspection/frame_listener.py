@@ -10,8 +10,8 @@ from rclpy.node import Node
 from puretf import Buffer
 from puretf._causes.facts import Surroundings
 from puretf._text.names import comma_list, visible
-from puretf._text.times import CACHE_TIME
 from puretf.publisher_listener import is_given, PublisherListener, Received, ReceivedMessage
+from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.inspection.clock_sampler import ClockSampler, is_tool, TOPIC
 from puretf_tools.inspection.pulse import Pulse
 from puretf_tools.inspection.stamp_clock import PATIENCE

@@ -9,8 +9,8 @@ import pytest
 from recorded import header_of, judged, MS, observed, S, T, tf
 
 from puretf import TransformBuffer
-from puretf._text.times import CACHE_TIME
 from puretf.bag import Headers
+from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.doctor.message_times import Verdict
 
 STATIC = tf(0, 0, 'map odom', 'base laser', is_static=True)
