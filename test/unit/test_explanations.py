@@ -6,7 +6,7 @@ import re
 import pytest
 
 from puretf import TransformBuffer, TransformException
-from puretf._causes.facts import Surroundings
+from puretf._causes.facts import OTHER_CLOCK, Surroundings
 from puretf._core.engine import engine_of
 
 S = 1_000_000_000
@@ -136,6 +136,15 @@ def test_the_cache_time_that_an_error_names_is_long_enough(logs, cache_time, kep
         longer = TransformBuffer(cache_time=int(argument))
         assert longer.insert_many(stamps, 'map', 'base', [STILL] * 60)
         assert longer.can_transform('map', 'base', T)
+
+
+def test_what_was_refused_explains_no_other_time(buffer):
+    """It is a cause while nothing newer is accepted, and of times near the data."""
+    buffer.insert(T - 20 * S, 'map', 'base', STILL)
+    assert error_of(buffer, T + S).causes == ('time_goes_back',)
+    assert error_of(buffer, T + OTHER_CLOCK + 1).causes == ()
+    buffer.insert(T + S, 'map', 'base', STILL)
+    assert error_of(buffer, T + 2 * S).causes == ()
 
 
 def test_the_memory_of_facts_is_bounded(buffer):
