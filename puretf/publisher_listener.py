@@ -125,7 +125,6 @@ class PublisherListener(TransformListener):
         :returns: by gid (in hex): the full name of the node, and the topic. The ROS graph is
             queried every half second.
         """
-        self._publishers.query_if_due()
         return dict(self._publishers.nodes)
 
     def is_present(self, gid: str) -> Optional[bool]:
