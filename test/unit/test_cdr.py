@@ -138,3 +138,13 @@ def test_the_ends_of_what_fits(stamp_ns):
     row = Row(stamp_ns, 'a', 'b', IDENTITY)
     assert CDR.unpack(cdr.pack([row])) == [row]
     assert cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])
+
+
+@given(*[st.text('ab_', min_size=1, max_size=254)] * 2, st.floats(allow_nan=False))
+def test_the_key_of_a_message_has_both_names(parent, child, x):
+    """Whatever their lengths, and nothing of what changes from message to message."""
+    keys = [CDR.key(cdr.pack([Row(stamp, parent, child, (x * stamp, *IDENTITY[1:]))]))
+            for stamp in (0, 1)]
+    assert keys[0] == keys[1]
+    assert keys[0].startswith(f'{parent}\0'.encode(), 4)
+    assert keys[0].rstrip(b'\0').endswith(child.encode())
