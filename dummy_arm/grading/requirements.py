@@ -252,13 +252,17 @@ def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
         if not sine or sine.periods < _SHORTEST_WAVE:
             return _not_judged(f'The speed of {joint.name} cannot be measured.')
     # The speed on the sheet can be that of the phase, or the largest one that a joint reaches.
-    speeds, reading = [sine.speed for sine in sines], 'phase'
-    largest = [sine.fastest for sine in sines]
+    speeds, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
+    measured = f'{_in_words(speeds)} rad/s (phase)'
     if _are_in_order(largest) and _deviation(largest) < _deviation(speeds):
-        speeds, reading = largest, 'largest speed'
-    measured = f'{", ".join(f"{speed:.2f}" for speed in speeds)} rad/s ({reading})'
-    return (Line(measured, value=speeds) if _are_in_order(speeds) else
+        return Line(f'{_in_words(largest)} rad/s (largest speed), {measured}', value=(
+            speeds, ' By the largest speeds that the joints reach, the order is right.'))
+    return (Line(measured, value=(speeds, '')) if _are_in_order(speeds) else
             Line(measured, causes.of_speeds(speeds)))
+
+
+def _in_words(speeds: Sequence[float]) -> str:
+    return ', '.join(f'{speed:.2f}' for speed in speeds)
 
 
 def _are_in_order(speeds: Sequence[float]) -> bool:
@@ -364,12 +368,12 @@ def _other_frames(arm: Arm, *_: Any) -> Line:
 
 
 def _usual_speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    speeds: Sequence[float] = needed[_SPEEDS].value or ()
+    speeds, note = needed[_SPEEDS].value or ((), '')
     has_fixed_step = bool(needed[_CLOCK].text)
     cause = next((causes.of_speed(joint, speed, has_fixed_step)
                   for joint, speed in zip(JOINTS, speeds)
                   if not 1 / SPEED_FACTOR <= speed / joint.speed <= SPEED_FACTOR), '')
-    return Line(', '.join(f'{speed:.2f}' for speed in speeds), cause)
+    return Line(_in_words(speeds), cause and cause + note)
 
 
 def _floats(arm: Arm, *_: Any) -> Line:
