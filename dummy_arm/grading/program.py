@@ -117,6 +117,13 @@ def _has_uncalled_main(tree: ast.Module) -> bool:
         isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree.body)
 
 
+def _mere_name(tree: ast.AST) -> str:
+    """Return that a statement is a name only, such as `main` in place of `main()`; '': none is."""
+    return next((f'line {node.lineno} only names {node.value.id}: a call is {node.value.id}()'
+                 for node in ast.walk(tree) if isinstance(node, ast.Expr)
+                 and isinstance(node.value, ast.Name)), '')
+
+
 def _line_with_int(tree: ast.AST) -> int:
     """Return the line of the first assignment such as `translation.x = 0`; 0: there is none."""
     return next((node.lineno for node in ast.walk(tree) if isinstance(node, ast.Assign)
@@ -146,6 +153,7 @@ class Program:
         tree = _parsed(_source(path), path)
         #: Where a number of a message is an int; 0: nowhere.
         self.int_line = _line_with_int(tree)
+        self._mere_name = _mere_name(tree)
         self._name, self._original = path.name, path.parent.absolute()
         self._folder = Path(directory, 'copy')
         _copy(path, self._folder)
@@ -184,7 +192,7 @@ class Program:
             raise ProgramError(f'It fails: {error}{_CALLED * is_called}{_INPUT * is_input}{hides}')
         if code is not None:
             seconds = time.monotonic() - self._start
-            cause = ': does it call rclpy.spin?' if code == 0 else ''
+            cause = f': {self._mere_name or "does it call rclpy.spin?"}' if code == 0 else ''
             last = text.strip().splitlines()[-1:]
             more = f'; its last line: {abbreviated(visible(last[0]))}' if last else ''
             raise ProgramError(f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}'

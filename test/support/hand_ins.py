@@ -110,6 +110,8 @@ MISTAKES = {
                             'not ok', 'period.* second|second.* period'),
     'no_spin.py': HandIn(program(('rclpy.spin(DummyArm())', 'DummyArm()')),
                          'not ok', r'does it call rclpy\.spin\?'),
+    'not_called.py': HandIn(program(('\n    main()\n', '\n    main\n')), 'not ok',
+                            r'exit code 0: line 67 only names main: a call is main\(\)$'),
     # Tests use the domains up to 100. The ports of 101 are still below those for clients.
     'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
                                 'not ok', r'domain\D*\b101\b'),
