@@ -143,9 +143,9 @@ def _fault_of_missing(arm: Arm, edge: SheetFrame) -> Fault:
 
 def of_nothing(arm: Arm) -> str:
     """Return why a program may send nothing."""
-    return (f'The program is in line {arm.line}: is there a loop or a wait without end?'
-            if arm.line else
-            'Is the timer created, with its period in seconds, and does rclpy.spin run?')
+    return arm.no_clock or (
+        f'The program is in line {arm.line}: is there a loop or a wait without end?' if arm.line
+        else 'Is the timer created, with its period in seconds, and does rclpy.spin run?')
 
 
 def _star(arm: Arm, samples: Samples) -> str:
@@ -177,14 +177,14 @@ def misspelling(name: str, others: Sequence[str]) -> str:
     return f'{shortened(near[0])!r} is misspelt: the name is {name}.' if near else ''
 
 
-def fault_of_stamps(name: str, samples: Samples) -> Optional[Fault]:
+def fault_of_stamps(arm: Arm, name: str, samples: Samples) -> Optional[Fault]:
     stamps, delays = samples.stamps, samples.delays
     is_wrong = abs(delays) >= LARGEST_DELAY
     has_whole_seconds = len(stamps) > 1 and not (stamps % 10**9).any()
     if is_wrong.mean() <= _DELAYED and not has_whole_seconds:
         return None
     if not stamps.any():
-        measured, cause = '0', f'is not set: {_NOW}.'
+        measured, cause = '0', f'is 0: {arm.no_clock}' if arm.no_clock else f'is not set: {_NOW}.'
     elif stamps.min() == stamps.max() != 0 and len(stamps) > 2:
         measured, cause = 'always the same', f'is set only once: {_NOW} before each sendTransform.'
     elif has_whole_seconds:

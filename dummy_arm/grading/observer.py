@@ -73,7 +73,11 @@ class Observer:
                        for message in self.messages if message.is_static for row in message.rows)
         reaches = has_base and self._reaches_late_joiners(tick)
         oldest_first = sorted(self.publishers.values(), key=lambda each: each.pid)
-        return check(Arm(self.messages, reaches, end, oldest_first, int_line, line))
+        waits_for = self.listener.around().waits_for
+        no_clock = next((f'{each.node} waits for /clock, which nothing publishes: leave out '
+                         'use_sim_time.' for each in oldest_first
+                         if waits_for.get(each.node) == '/clock'), '')
+        return check(Arm(self.messages, reaches, end, oldest_first, int_line, line, no_clock))
 
 
 def _pid(gid: str) -> int:

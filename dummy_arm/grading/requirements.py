@@ -114,7 +114,7 @@ def _stamps(arm: Arm, *_: Any) -> Line:
         return _not_judged('The bag has no times.' if arm.moving else
                            'No transform of the arm is on /tf.')
     faults = {name: fault for name, samples in known.items()
-              if (fault := causes.fault_of_stamps(name, samples))}
+              if (fault := causes.fault_of_stamps(arm, name, samples))}
     largest = max(abs(float(np.median(samples.delays))) for samples in known.values())
     return _first(faults, f'{largest * 1e3:.1f} ms from the time of arrival')
 

@@ -65,6 +65,8 @@ def limited(code):
         """) + dedent(code)
 
 
+SIM_TIME = ("super().__init__('dummy_arm')", """super().__init__('dummy_arm', parameter_overrides=[
+            rclpy.Parameter('use_sim_time', value=True)])""")
 MODEL_ANSWER = HandIn(program(), 'ok', '')
 
 #: By file.
@@ -112,6 +114,17 @@ MISTAKES = {
                          'not ok', r'does it call rclpy\.spin\?'),
     'not_called.py': HandIn(program(('\n    main()\n', '\n    main\n')), 'not ok',
                             r'exit code 0: line 67 only names main: a call is main\(\)$'),
+    # The time stays 0. Timers never fire, but a thread sends transforms.
+    'no_clock.py': HandIn(program(SIM_TIME), 'not ok',
+                          r'nothing arrives on /tf\. /dummy_arm waits for /clock, which nothing '
+                          r'publishes: leave out use_sim_time\.'),
+    'no_clock_thread.py': HandIn(program(
+        SIM_TIME, ('        rclpy.spin(DummyArm())', """        import threading, time
+        arm = DummyArm()
+        threading.Thread(target=rclpy.spin, args=(arm,), daemon=True).start()
+        while True:
+            arm.send()
+            time.sleep(0.02)""")), 'not ok', 'joint_1 is 0: /dummy_arm waits for /clock, which'),
     # Tests use the domains up to 100. The ports of 101 are still below those for clients.
     'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
                                 'not ok', r'domain\D*\b101\b'),
