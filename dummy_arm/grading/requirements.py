@@ -357,9 +357,7 @@ def _use_of_limits(arm: Arm, _: SheetFrame, needed: Mapping[str, Line]) -> Line:
 
 def _broadcasters(arm: Arm, *_: Any) -> Line:
     is_known = {gid for _, gid in arm.frames_of} - {NOT_RECORDED, ''}
-    found = causes.recreation(arm)
-    return Line((found.partition(':')[0] or f'{len(arm.frames_of)} publishers')
-                  if is_known else '', found)
+    return Line(f'{len(arm.frames_of)} publishers' if is_known else '', causes.recreation(arm))
 
 
 def _other_frames(arm: Arm, *_: Any) -> Line:
