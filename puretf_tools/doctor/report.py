@@ -84,6 +84,8 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
         if topic.judged or topic.count(Verdict.ZERO_STAMP)]
     verdict = (f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
                f'{_count(len(observation.tree_of), "frame")} {observation.where}')
+    if {each.is_static for each in observation.tracks} == {True}:
+        verdict += ', no dynamic transforms'
     return Report(findings, topics, [*not_checked(observation, ignore), *observation.left_out],
                   visible(verdict), observation.clock_text)
 

@@ -477,6 +477,13 @@ def test_healthy(capsys, tmp_path, name, kind):
     assert found['verdict'].startswith('healthy: ')
 
 
+def test_only_static_transforms(tmp_path):
+    """That is right for a robot with fixed joints, so it is said in the verdict only."""
+    path = bags.make(tmp_path, 'mcap', [static('map lamp')])
+    assert examine(path).verdict == (
+        f'healthy: 1 transform of 2 frames in {path}, no dynamic transforms')
+
+
 @pytest.mark.parametrize('kind', ['bag', 'mcap'])
 @pytest.mark.parametrize(('late', 'number'), [(100, 50), (30, 50), (14, 0), (17, 20)])
 def test_a_late_transform_of_the_old_run(capsys, tmp_path, kind, late, number):
