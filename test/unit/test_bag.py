@@ -555,6 +555,36 @@ def test_a_compressed_file_of_which_nothing_can_be_read(tmp_path):
             'Compressed file ended before the end-of-stream marker was reached.')
 
 
+def test_each_reading_of_a_compressed_file_meets_its_damage(tmp_path, logs):
+    """And a reading after one that was ended too early meets none."""
+    path = tmp_path / 'x.mcap.zstd'
+    plain = bags.checked_mcap(tmp_path / 'x.mcap', seconds=300)
+    path.write_bytes(bags.packed(plain.read_bytes(), 'zstd'))
+    has_ended: list[float] = []
+
+    def end(done):
+        if done and not has_ended:
+            has_ended.append(done)
+            raise KeyboardInterrupt
+
+    with bag.open(path, on_progress=end) as opened:
+        with pytest.raises(KeyboardInterrupt):
+            opened.read()
+        assert opened.read().frames() == read(plain).frames()
+    path.write_bytes(path.read_bytes()[:-1000])
+    why = 'Compressed file ended before'
+    with bag.open(path) as opened:
+        for _ in range(2):
+            with pytest.raises(BagError, match=why):
+                opened.read()
+    with bag.open(path, partial=True) as opened:
+        for _ in range(2):
+            logs.clear()
+            opened.read()
+            assert why in messages(logs)
+            assert not opened.is_whole
+
+
 def test_a_damaged_message(tmp_path, logs):
     """A compressed message that is cut off is skipped with a warning."""
     content = [*bags.walk(20)]
