@@ -15,7 +15,7 @@ from puretf._bag.recordings import recordings as find_recordings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
 from puretf._core.times import nanoseconds_or_int
-from puretf._text.names import comma_list, SHOWN, visible
+from puretf._text.names import comma_list, SHOWN
 from puretf._wire.encoding import Encoding
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import MessageReader
@@ -106,8 +106,11 @@ class Bag(AbstractContextManager['Bag']):
         found = find_recordings(paths)
         if len(found) != 1:
             names = comma_list([str(each.path) for each in found])
-            raise BagError(f'these are {len(found)} recordings ({names}): give the files of one, '
-                           'with its first part' if found else 'no path of a bag is given')
+            first = next((each.first for each in found if each.first), None)
+            how = (f'; without {first}, which does not exist, each file is one' if first else
+                   ', with its first part')
+            raise BagError(f'these are {len(found)} recordings ({names}): give the files of one'
+                           f'{how}' if found else 'no path of a bag is given')
         found[0].path.stat()  # a missing path is reported before a missing library
         try:
             import puretf._bag.files  # noqa: F401
@@ -120,9 +123,7 @@ class Bag(AbstractContextManager['Bag']):
         self.path = recording.path  #: the directory, or the first file that was given
         self.files = recording.files  #: the parts of the recording, in order
         #: A sentence that names the first part, if only later parts are given; else ''.
-        self.missing_part = '' if recording.first is None else (
-            f'{visible(str(self.path))} is without the first part of its recording, which usually '
-            f'has all static transforms: read {visible(str(recording.first))}, too.')
+        self.missing_part = recording.missing_part
         self.namespace = namespace  #: the namespace of the topics `tf` and `tf_static`
         self._about = self.path, namespace, partial, max_bytes
         self._on_progress = on_progress or (lambda done: None)
@@ -239,8 +240,7 @@ class Bag(AbstractContextManager['Bag']):
             raise BagError(
                 f'{self.path} has TF messages ({count}), but no valid transform in them')
         if self.missing_part and not any(frame.is_static for frame in frames):
-            text, _, remedy = self.missing_part.rpartition(': read ')
-            engine.tree.missing_part = text, f'Read {remedy}'
+            engine.tree.missing_part = self.missing_part
         return buffer
 
     def _records(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:

@@ -154,7 +154,7 @@ class Frames(NamedTuple):
     #: Returns how many transforms of a frame were refused (of `nanosec`: its value), and the
     #: publisher of the last one, by the code of the cause.
     refusals: Callable[[str], Mapping[str, tuple[int, str]]] = lambda name: {}
-    missing_part: tuple[str, str] = '', ''  #: which part of a bag is missing, and the remedy
+    missing_part: str = ''  #: which part of a bag is missing, and what to do
     takes_ns: bool = False  #: True if the times of the buffer are integers
     needs_listener: bool = False  #: True if only a listener is expected to fill the buffer
 

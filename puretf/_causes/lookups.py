@@ -114,11 +114,10 @@ def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
 # Names and parents
 
 
-@_rule('missing_part', '{remedy}', 'split_bag', _NAMES)
+@_rule('missing_part', '', 'split_bag', _NAMES)
 def _missing_part(facts: Facts) -> Iterator[Evidence]:
-    text, remedy = facts.buffer.missing_part
-    if text:
-        yield Evidence(text, {'remedy': remedy})
+    if facts.buffer.missing_part:
+        yield Evidence(facts.buffer.missing_part.rstrip('.'))
 
 
 @_rule('changing_parent', 'Let only one parent be published for {frame}.', 'jump',

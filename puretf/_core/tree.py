@@ -29,8 +29,7 @@ class FrameTree:
     def __init__(self, cache_time: int) -> None:
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
-        #: Which part of a bag is missing, and the remedy.
-        self.missing_part = '', ''
+        self.missing_part = ''  #: which part of a bag is missing, and what to do
         self.takes_ns = False  #: True if the buffer's times are integers (ns)
         self.needs_listener = False  #: True if a listener is expected to fill the buffer
         #: What the texts of errors use; called when a text is read.

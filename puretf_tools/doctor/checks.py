@@ -943,8 +943,7 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
                      [observation.nodes.get(publisher, '')])
 
 
-@_check('missing_part', 'Read all parts of the recording: give its directory, or all its files.',
-        'split_bag', severity=WARNING)
+@_check(*_same('missing_part'), severity=WARNING)
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
     """Find recordings without their first part, which has the static transforms."""
     if observation.missing_part:

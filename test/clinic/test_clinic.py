@@ -90,7 +90,7 @@ DIRECT = [
            edge=EDGE._replace(oldest=1, latest=9)), 'stamps_in_seconds'),
     (Facts('past', Surroundings(), time=5, edge=EDGE, is_duration=True), 'time_is_duration'),
     (Facts('past', Surroundings(), time=5, edge=EDGE._replace(is_full=True)), 'cache_too_short'),
-    (Facts('missing', Surroundings(), Frames(missing_part=('A part is missing', 'Read a.'))),
+    (Facts('missing', Surroundings(), Frames(missing_part='A part is missing: read a.')),
      'missing_part')]
 
 

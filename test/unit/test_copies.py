@@ -66,7 +66,7 @@ def about(buffer):
 @given(buffers())
 def test_a_copy_is_as_the_original(buffer):
     """All lookups, the texts of their errors, the frames and the dump are the same."""
-    engine_of(buffer).tree.missing_part = 'A part is missing', 'Read it.'  # as of a bag
+    engine_of(buffer).tree.missing_part = 'A part is missing: read it.'  # as of a bag
     other = TransformBuffer.copy_of(buffer)
     assert answers(other, str, TIMES[::4]) == answers(buffer, str, TIMES[::4])
     assert (*about(other), other.dump()) == (*about(buffer), buffer.dump())

@@ -79,7 +79,7 @@ def test_a_later_part_that_rosbag_has_split():
         buffer.lookup_transform('map', 'laser')
     assert str(error.value).endswith(
         f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is without the first part of "
-        f'its recording, which usually has all static transforms. Read {SPLIT}/robot_0.bag, too. '
+        f'its recording, which usually has all static transforms: read {SPLIT}/robot_0.bag, too. '
         'More: tf_doctor --explain split_bag')
 
 
@@ -186,19 +186,39 @@ def test_a_first_part_that_is_missing(tmp_path, logs):
     whole, (first, *_) = with_metadata(tmp_path / 'whole', parts(tmp_path))
     first.unlink()
     with bag.open(whole, partial=True) as opened, pytest.raises(
-            LookupException, match=f'whole is without the first part .*{first}, too'):
+            LookupException, match=f'whole is without the first part .*{first} does not exist.'):
         opened.read().lookup_transform('base_link', 'laser')
     assert str(first) in opened.missing_part
     assert [record.getMessage() for record in logs] == [
         f'{first}: it is missing. Read 62 TF messages']
 
 
+def test_a_part_is_a_remedy_only_if_it_exists(tmp_path, logs):
+    """A first part that has another name gets its name back, or is lost."""
+    first, second, last = parts(tmp_path)
+    other = first.rename(tmp_path / 'start.mcap')
+    text = missing_part(last)
+    assert text.endswith(f': {first} does not exist. If the file has another name, give it this '
+                         'one; otherwise, transforms that need them are lost.')
+    other.rename(first)
+    text = missing_part(last)
+    assert text.endswith(f': read {first}, too.')
+    assert counts([text.split()[-2].rstrip(','), second, last]) == WHOLE
+    second.unlink()
+    logs.clear()
+    missing_part([first, last])
+    assert [record.getMessage() for record in logs] == [
+        f'{first}: parts of its recording are not given: robot_1.mcap (does not exist)']
+
+
 def test_parts_without_the_first(tmp_path):
     """They may be separate recordings; with the first part, they are one."""
     files = parts(tmp_path, numbers=(1, 2))
     with pytest.raises(BagError, match=(
-            r'these are 2 recordings .*: give the files of one, with its first part$')):
+            r'these are 2 recordings .*: give the files of one; without \S+/robot_0\.mcap, which '
+            'does not exist, each file is one$')):
         read(files)
+    assert counts(files[:1]) == {'base_link': 31}
     assert counts([*files, *parts(tmp_path, numbers=[0])]) == WHOLE
 
 
