@@ -551,10 +551,22 @@ def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
     for topic in observation.message_times:
         if topic.topic in observation.off_clock:
             continue  # see message_other_clock
+        if verdict == Verdict.WAITS:
+            topic = _without_gaps(observation, topic)
         found = topic.verdicts == verdict
         count = (found & (topic.waits >= least_wait)).sum()
         if count and count >= SHARE * topic.number_of(verdict):
             yield topic, found
+
+
+def _without_gaps(observation: Observation, topic: MessageTimes) -> MessageTimes:
+    """Judge no messages that wait for the end of a gap, which is reported."""
+    verdicts = topic.verdicts.copy()
+    for track, gaps, _ in observation.gaps:
+        edges = [i for i, (_, child) in enumerate(topic.edges) if child == track.child]
+        before = np.maximum.accumulate(track.stream.stamps).searchsorted(topic.stamps) - 1
+        verdicts[np.isin(topic.edge_numbers, edges) & np.isin(before, gaps)] = Verdict.NOT_JUDGED
+    return topic._replace(verdicts=verdicts)
 
 
 def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0

@@ -528,8 +528,14 @@ FAULTY = [
     Situation('whole seconds', World([DRIVER._replace(stamp=lambda time: time // S * S)]), [],
               ['nanosec']),
     Situation('a driver stops for 6 s, and scans go on', World([DRIVER._replace(
-        is_lost=lambda i: 200 < i < 320), LASER], sensors=[Sensor()]), [],
-        ['gap', 'message_early']),
+        is_lost=lambda i: 200 < i < 320), LASER], sensors=[Sensor()]), [], ['gap']),
+    Situation('a slow driver stops for 6 s, and scans go on', World([DRIVER._replace(
+        is_lost=lambda i: 200 < i < 320, takes=lambda _: 0.3), LASER], sensors=[Sensor()]), [],
+        ['gap', 'message_early'], report=['of /driver, up to 0.28 s.']),
+    Situation('a driver stops for 6 s, and scans wait for another one', World([
+        DRIVER._replace(is_lost=lambda i: 200 < i < 320), LASER,
+        SLAM._replace(takes=lambda _: 0.3)], sensors=[Sensor()]), [],
+        ['gap', 'message_early'], report=['the edge map -> odom of /slam, up to 0.28 s.']),
     Situation('the stamps of a driver are 0.3 s ahead, and scans are in time', World(
         [DRIVER._replace(offset=0.3), LASER], sensors=[Sensor()]), [], ['future'],
         report=['with stamps up to 0.3 s ahead of the arrival.']),
