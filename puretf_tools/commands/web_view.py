@@ -89,6 +89,7 @@ def read_into(feed: BagFeed, bag: Bag) -> None:
     observer = BagObserver()
     bag.read(headers=True, others=observer.wanted, on_message=observer.add, buffer=feed.buffer)
     feed.player.recorded, feed.done = (bag.begin, bag.end), None
+    feed.missing_spans = bag.missing_spans
     namespace = f'{namespace_path(bag.namespace)}/'
     feed.robots = {topic: each for topic, each in observer.robots.descriptions.items()
                    if topic.startswith(namespace)}

@@ -12,7 +12,7 @@ from puretf.transform_table import Message
 from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
-from puretf_tools.inspection.gaps import AnyBuffer, holes_at
+from puretf_tools.inspection.gaps import AnyBuffer, Hole, holes_at
 from puretf_tools.inspection.traffic import Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
@@ -178,6 +178,7 @@ class BagFeed(Feed):
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
         self.done: Optional[float] = None
         self.error: Optional[BaseException] = None  #: what has ended the reading
+        self.missing_spans: Sequence[tuple[int, int]] = ()  #: see `Bag.missing_spans`
 
     def update(self) -> str:
         """Let the player follow the reading; return how far it is, or raise its error."""
@@ -188,6 +189,12 @@ class BagFeed(Feed):
             self.player.fit(self.buffer.frames())
             self.player.is_whole = done is None
         return '' if done is None else f'reading {self.name}: {done * 100:.0f} %'
+
+    def watch(self, now: float) -> None:
+        missing = [Hole('', '', *span).between(self.player.begin)
+                   for span in self.missing_spans if span[0] < self.player.time < span[1]]
+        self.hint = (f'a part of the recording is missing or damaged {missing[0]}; poses are '
+                     'interpolated') if missing else ''
 
     def time_text(self, stamp: int) -> str:
         return both(stamp, self.player.begin)

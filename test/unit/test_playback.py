@@ -226,6 +226,24 @@ def test_a_hole(buffer):
     assert 'interpolated' not in text(14)
 
 
+def test_a_missing_part(bags, page, tmp_path):
+    """The page says where it is, while a time in it is shown."""
+    content = [*bags.walk(30)]
+    files = [bags.file_of(bags.make(tmp_path / name, 'mcap', part)).rename(
+        tmp_path / f'walk_{name}.mcap') for name, part in (
+            ('0', content[:101]), ('2', content[201:]))]
+    feed = BagFeed(TransformBuffer(10**18), 'bag')
+    with bag.open(files) as opened:
+        read_into(feed, opened)
+    feed.update()
+    shown = page(feed)
+    # The first part ends with the transform at +9.9 s, the last one begins at +20 s.
+    text = 'a part of the recording is missing or damaged between +9.90 and +20.00 s; poses are'
+    for position, is_missing in (5.0, False), (15.0, True), (25.0, False):
+        feed.player.stop_at(100 * S + round(position * S))
+        shown.until(lambda: (text in shown.viewer.text('overview')) == is_missing)  # noqa: B023
+
+
 @pytest.mark.parametrize(('text', 'position'), [
     (f'{T // S + 3}.25', 3.25), ('+4.5', 4.5), ('-1.5', 8.5), ('2023-11-14T22:13:26Z', 6.0),
     ('0', 10.0)])
