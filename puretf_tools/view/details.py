@@ -79,7 +79,8 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
         rows += _wide(f'<span data-value="hole">{escaped(hole)}</span>')
     if frame is not None:
         delay, publisher = feed.publication(frame)
-        rows += _title('', '', 'published') + _row('rate', 'rate', rate_text(placement, name))
+        rows += _title('', '', 'published')
+        rows += _row('rate', 'average rate', rate_text(placement, name))
         if not frame.is_static:
             rows += _row('delay', 'delay', 'not known' if delay is None else
                          f'{delay * 1e3:.2f} ms')

@@ -12,8 +12,11 @@ import pytest
 from puretf import bag, TransformBuffer
 from puretf_tools.cli.signals import check_signals, record_signals, signal_received
 from puretf_tools.commands import web_view
+from puretf_tools.commands.view_frames import format_tree
 from puretf_tools.commands.web_view import main, read_into
 from puretf_tools.doctor import Finding
+from puretf_tools.doctor.explanation import explain
+from puretf_tools.inspection.forest import Forest
 from puretf_tools.view.feed import BagFeed
 
 pytest.importorskip('viser')
@@ -224,6 +227,18 @@ def test_a_hole(buffer):
     assert '>interpolated between +10.00 and +14.00 s: map -&gt; base has no data there<' in (
         text(12))
     assert 'interpolated' not in text(14)
+
+
+def test_all_tools_have_one_rate(buffer):
+    """It is the average, so a hole lowers it: 101 steps in 14 s."""
+    buffer.insert(T + 14 * S, 'map', 'base', (14.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    placement = FrameWatcher(buffer).placement('map', T + 14 * S)
+    page = details(placement, 'base', BagFeed(buffer, 'bag'), buffer)
+    path = str(explain(buffer, ('map', 'base'), 0))
+    for text in page, path, format_tree(Forest(buffer.frames()), 0)[1]:
+        assert ' 7.2 Hz' in re.sub('[<>"]', ' ', text)
+    assert '>average rate<' in page
+    assert 'with the average rate' in path
 
 
 def test_a_missing_part(bags, page, tmp_path):
