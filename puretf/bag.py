@@ -15,7 +15,7 @@ from puretf._bag.recordings import recordings as find_recordings
 from puretf._core.engine import engine_of
 from puretf._core.pose import Row
 from puretf._core.times import nanoseconds_or_int
-from puretf._text.names import comma_list, SHOWN
+from puretf._text.names import comma_list, see, SHOWN
 from puretf._wire.encoding import Encoding
 from puretf._wire.headers import Headers
 from puretf._wire.message_reader import MessageReader
@@ -252,7 +252,8 @@ class Bag(AbstractContextManager['Bag']):
             rest = Contents(path, namespace, True, limit, True, others=contents.others)
             if partial or not contents.damage or next(self._found(rest), None) is None:
                 raise
-            raise BagError(f'{error} partial=True reads what is left') from None
+            raise BagError(
+                f'{error} partial=True reads what is left.{see("damaged_bag")}') from None
 
     def _found(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
         from puretf._bag.files import records

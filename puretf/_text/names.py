@@ -84,6 +84,7 @@ SECTIONS = {
     'clock': 'use_sim_time and the wall clock',
     'tf_static': 'The QoS of /tf_static',
     'split_bag': 'No static transforms from a bag',
+    'damaged_bag': 'A bag cannot be read',
     'jump': 'A frame jumps or flickers',
     'jump_back': 'A jump back in time',
     'namespace': 'A leading slash, or a namespace',

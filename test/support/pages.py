@@ -117,6 +117,9 @@ def bag_of_a_walk(tmp_path: Path) -> Path:
     (file,) = bags.make(
         directory / 'robot_bag', 'mcap', [*bags.walk(), *scans]).glob('*.mcap')
     shutil.copyfile(file, directory / 'robot.mcap')
+    cut = bags.checked_mcap(directory / 'cut.mcap', seconds=300)
+    cut.write_bytes(cut.read_bytes()[:-1000])
+    Path(f'{cut}.zstd').write_bytes(bags.packed(cut.read_bytes(), 'zstd')[:-1000])
     for name in 'split/robot_0.mcap', 'recordings/a.mcap', 'recordings/b.mcap':
         (directory / name).parent.mkdir(exist_ok=True)
         shutil.copyfile(file, directory / name)

@@ -486,9 +486,10 @@ def test_a_truncated_file(tmp_path, kind):
         file.write_bytes(whole[:len(whole) * tenth // 10])
         error = outcome(path)
         assert re.fullmatch(re.escape(str(path)) + r' cannot be read: [^(\n]*\.'
-                            '( partial=True reads what is left)?', error)
+                            '( partial=True reads what is left. More: tf_doctor --explain '
+                            'damaged_bag)?', error)
         left = outcome(path, partial=True)
-        assert isinstance(left, list) == error.endswith('left'), left
+        assert isinstance(left, list) == (' partial=True reads what is left.' in error), left
         assert kind.startswith('mcap') or not isinstance(left, list)
 
 
@@ -601,7 +602,8 @@ def test_zeros_at_the_end(tmp_path, logs):
     path = bags.mcap(tmp_path / 'x.mcap', HEADER)
     path.write_bytes(path.read_bytes()[:-50] + bytes(10_000))
     assert outcome(path).endswith(
-        'cannot be read: it ends too early. partial=True reads what is left')
+        'cannot be read: it ends too early. partial=True reads what is left. More: tf_doctor '
+        '--explain damaged_bag')
     assert outcome(path, partial=True) == ['before']
     assert str(path) in messages(logs)
 
@@ -745,7 +747,7 @@ def test_a_bit_of_the_summary(tmp_path, logs, part):
     flipped(path, data.index(part, start) + len(part) - 1)
     assert outcome(path) == (
         f'{path} cannot be read: the checksum of its summary is wrong. partial=True reads what is '
-        'left')
+        'left. More: tf_doctor --explain damaged_bag')
     assert [frame.length for frame in read(path, partial=True).frames()] == [1, 6]
     assert 'the checksum of its summary is wrong' in messages(logs)
 

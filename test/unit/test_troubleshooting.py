@@ -1,13 +1,15 @@
 """docs/troubleshooting.md: each of its symptoms is provoked, and leads to its section."""
 
+from pathlib import Path
 import re
+from tempfile import TemporaryDirectory
 
 from environment import ROOT
 from pages import PAGES
 import pytest
 from recorded import S, T
 
-from puretf import TransformBuffer, TransformException
+from puretf import bag, TransformBuffer, TransformException
 from puretf._causes.lookups import RULES
 from puretf._text.names import SECTIONS
 from puretf_tools.commands.tf_doctor import main
@@ -34,6 +36,17 @@ def error_of(source='base', time=0, stamps=range(0, 20)):
     return str(raised.value)
 
 
+def error_of_bag():
+    """Return the error of a file that is cut off."""
+    bags = pytest.importorskip('bags')
+    with TemporaryDirectory() as folder:
+        path = bags.checked_mcap(Path(folder, 'x.mcap'), seconds=10)
+        path.write_bytes(path.read_bytes()[:-1000])
+        with pytest.raises(bag.BagError) as raised:
+            bag.read(path)
+    return str(raised.value)
+
+
 def old_data(logs):
     """Return the warning about a transform that is too old."""
     buffer = TransformBuffer(cache_time=10 * S)
@@ -54,6 +67,7 @@ PROVOKED = {
     'A frame does not exist': (lambda _: error_of('bsae'), '"bsae" passed to'),
     'Two unconnected trees': (lambda _: error_of('lamp'), 'two or more unconnected trees'),
     'TF_OLD_DATA': (old_data, 'TF_OLD_DATA ignoring data from the past'),
+    'A bag cannot be read': (lambda _: error_of_bag(), 'cannot be read: it ends too early.'),
     'A jump back in time': (
         lambda _: error_of(time=5, stamps=[]), 'since the buffer was cleared'),
 }
