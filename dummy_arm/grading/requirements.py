@@ -255,9 +255,8 @@ def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
     speeds, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
     measured = f'{_in_words(speeds)} rad/s (phase)'
     if _are_in_order(largest) and _deviation(largest) < _deviation(speeds):
-        return Line(f'{_in_words(largest)} rad/s (largest speed), {measured}', value=(
-            speeds, ' By the largest speeds that the joints reach, the order is right.'))
-    return (Line(measured, value=(speeds, '')) if _are_in_order(speeds) else
+        return Line(f'{_in_words(largest)} rad/s (largest speed), {measured}', value=speeds)
+    return (Line(measured, value=speeds) if _are_in_order(speeds) else
             Line(measured, causes.of_speeds(speeds)))
 
 
@@ -366,12 +365,13 @@ def _other_frames(arm: Arm, *_: Any) -> Line:
 
 
 def _usual_speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    speeds, note = needed[_SPEEDS].value or ((), '')
+    speeds: Sequence[float] = needed[_SPEEDS].value or ()
     has_fixed_step = bool(needed[_CLOCK].text)
     cause = next((causes.of_speed(joint, speed, has_fixed_step)
                   for joint, speed in zip(JOINTS, speeds)
                   if not 1 / SPEED_FACTOR <= speed / joint.speed <= SPEED_FACTOR), '')
-    return Line(_in_words(speeds), cause and cause + note)
+    return Line(_in_words(speeds), cause or (
+        '' if _are_in_order(speeds) else causes.of_speeds(speeds)))
 
 
 def _floats(arm: Arm, *_: Any) -> Line:
