@@ -74,9 +74,8 @@ class Observer:
         reaches = has_base and self._reaches_late_joiners(tick)
         oldest_first = sorted(self.publishers.values(), key=lambda each: each.pid)
         waits_for = self.listener.around().waits_for
-        no_clock = next((f'{each.node} waits for /clock, which nothing publishes: leave out '
-                         'use_sim_time.' for each in oldest_first
-                         if waits_for.get(each.node) == '/clock'), '')
+        no_clock = 'use_sim_time needs /clock, which nothing publishes: leave it out.' * any(
+            waits_for.get(each.node) == '/clock' for each in oldest_first)
         return check(Arm(self.messages, reaches, end, oldest_first, int_line, line, no_clock))
 
 

@@ -96,7 +96,7 @@ class Arm:
             the oldest process first; empty: not known.
         :param int_line: a line of the program in which a number is an int; 0: none is known.
         :param line: the line in which the program is, if it sends nothing; 0: not known.
-        :param no_clock: which node of the arm waits for /clock in vain; '': none.
+        :param no_clock: that a node of the arm waits for /clock in vain; '': none does.
         """
         self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
         self.int_line, self.line, self.no_clock = int_line, line, no_clock
