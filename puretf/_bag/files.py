@@ -1,7 +1,7 @@
 """The messages of the files of a recording, of any format; rosbags reads those of ROS 1."""
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,23 +30,18 @@ def records(path: Path, contents: Contents, copies: dict[Path, TemporaryDirector
         if read is not None:
             yield from read(path, contents)
             return
-        copy = copies.get(path) or TemporaryDirectory()
-        whole = Path(copy.name, 'whole')
-        with ExitStack() as stack:
-            if path not in copies:
-                stack.enter_context(copy)
-                try:
-                    for done in unpack_file(path, whole):
-                        yield done / 2
-                    # Only a whole copy is kept, so that each reading meets the damage.
-                    copies[path] = copy
-                    stack.pop_all()
-                except Exception as error:  # what has been decompressed is read
-                    contents.add_damage(error)
-            # Of a file that is cut off early, nothing may have been decompressed.
-            read = _format_of(whole) if whole.stat().st_size or not contents.damage else None
-            for item in read(whole, contents) if read else ():
-                yield (1 + item) / 2 if isinstance(item, float) else item
+        if path not in copies:
+            copies[path] = TemporaryDirectory()
+        whole = Path(copies[path].name, 'whole')
+        try:
+            for done in unpack_file(path, whole):
+                yield done / 2
+        except Exception as error:  # what has been decompressed is read
+            contents.add_damage(error)
+        # Of a file that is cut off early, nothing may have been decompressed.
+        read = _format_of(whole) if whole.stat().st_size or not contents.damage else None
+        for item in read(whole, contents) if read else ():
+            yield (1 + item) / 2 if isinstance(item, float) else item
     except Exception as error:  # the libraries raise errors of many types
         contents.add_damage(error)
 

@@ -32,8 +32,11 @@ def unpack_file(path: Path, whole: Path) -> Iterator[float]:
     """
     Decompress a file into a temporary one, but fill no more than half of the free space.
 
-    Of a file that is cut off, what can be decompressed is written before the EOFError.
+    Of a file that is cut off, what can be decompressed is written before the EOFError, each time:
+    only a copy that is complete is not written again.
     """
+    if (mark := whole.with_name('is_complete')).exists():
+        return
     limit, size = shutil.disk_usage(whole.parent).free // 2, path.stat().st_size
     with path.open('rb') as source, whole.open('wb') as target:
         file = zstd.ZstdFile(source)
@@ -44,6 +47,7 @@ def unpack_file(path: Path, whole: Path) -> Iterator[float]:
                               f'free space in {whole.parent.parent}: set TMPDIR to a directory '
                               'with more space')
             target.write(piece)
+    mark.touch()
 
 
 def unpacked(data: bytes, limit: int) -> bytes:
