@@ -106,15 +106,12 @@ class Bag(AbstractContextManager['Bag']):
         found = find_recordings(paths)
         if len(found) != 1:
             names = comma_list([str(each.path) for each in found])
-            first = next((each.first for each in found if each.first), None)
-            how = (f'; without {first}, which does not exist, each file is one' if first else
-                   ', with its first part')
             raise BagError(f'these are {len(found)} recordings ({names}): give the files of one'
-                           f'{how}' if found else 'no path of a bag is given')
+                           if found else 'no path of a bag is given')
         found[0].path.stat()  # a missing path is reported before a missing library
         try:
             import puretf._bag.files  # noqa: F401
-            recording = resolved(found[0])
+            recording = self._recording = resolved(found[0])
         except ImportError as error:
             raise BagError(f'a library that reads bags cannot be imported ({error}): '
                            'pip install rosbags mcap') from None
@@ -128,8 +125,6 @@ class Bag(AbstractContextManager['Bag']):
         self._about = self.path, namespace, partial, max_bytes
         self._on_progress = on_progress or (lambda done: None)
         self._copies: dict[Path, TemporaryDirectory[str]] = {}
-        self._after_missing = recording.after_missing
-        self._is_without_files = bool(recording.warning)
         self._contents = Contents(*self._about)
 
     def __exit__(self, *_: object) -> None:
@@ -164,7 +159,7 @@ class Bag(AbstractContextManager['Bag']):
     @property
     def is_whole(self) -> bool:
         """False if a part of the recording is missing, or damage was met while it was read."""
-        return not (self.missing_part or self._is_without_files or self._contents.damage)
+        return not (self.missing_part or self._recording.warning or self._contents.damage)
 
     def _known(self) -> Contents:
         if not self._contents.topics:
@@ -260,7 +255,7 @@ class Bag(AbstractContextManager['Bag']):
         from puretf._bag.unpacking import too_large, unpacked
         limit, last = contents.max_bytes, 0
         for number, path in enumerate(self.files):
-            contents.has_lost |= path in self._after_missing
+            contents.has_lost |= path in self._recording.after_missing
             self._on_progress(number / len(self.files))
             for item in records(path, contents, self._copies):
                 if isinstance(item, float):

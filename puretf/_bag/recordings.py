@@ -42,12 +42,11 @@ class Recording(NamedTuple):
     @property
     def missing_part(self) -> str:
         """A sentence that names the first part, if it is not among the files; else ''."""
-        path, first = visible(str(self.path)), visible(str(self.first))
-        return '' if self.first is None else (
-            f'{path} is without the first part of its recording, which usually has all static '
-            'transforms: ' + (f'read {first}, too.' if exists(self.first) else
-                              f'{first} does not exist. If the file has another name, give it '
-                              'this one; otherwise, transforms that need them are lost.'))
+        how = f'read {self.first}, too.' if exists(self.first or '') else (
+            f'{self.first} does not exist: rename it back, or they are lost.')
+        return '' if self.first is None else visible(
+            f'{self.path} is without the first part of its recording, which usually has all '
+            f'static transforms: {how}')
 
 
 def recordings(paths: Paths) -> list[Recording]:
@@ -81,13 +80,9 @@ def _of_files(parts: dict[int, Path], listed: list[Path]) -> Recording:
     first, *names = [listed[each] if files[0] in listed else _part(files[0], each)
                      for each in (0, *lacking)]
     return Recording(files[0], files, None if 0 in parts else first, '' if not lacking else (
-        f'{files[0]}: parts of its recording are not given: '
-        f'{comma_list([_with_state(each) for each in names], visible)}'),
+        f'{files[0]}: parts of its recording are not given, or missing: '
+        f'{comma_list([each.name for each in names], visible)}'),
         [file for number, file in parts.items() if number - 1 not in parts])
-
-
-def _with_state(path: Path) -> str:
-    return path.name if exists(path) else f'{path.name} (does not exist)'
 
 
 def _part(path: Path, number: int) -> Path:

@@ -186,7 +186,7 @@ def test_a_first_part_that_is_missing(tmp_path, logs):
     whole, (first, *_) = with_metadata(tmp_path / 'whole', parts(tmp_path))
     first.unlink()
     with bag.open(whole, partial=True) as opened, pytest.raises(
-            LookupException, match=f'whole is without the first part .*{first} does not exist.'):
+            LookupException, match=f'whole is without the first part .*{first} does not exist: '):
         opened.read().lookup_transform('base_link', 'laser')
     assert str(first) in opened.missing_part
     assert [record.getMessage() for record in logs] == [
@@ -198,8 +198,7 @@ def test_a_part_is_a_remedy_only_if_it_exists(tmp_path, logs):
     first, second, last = parts(tmp_path)
     other = first.rename(tmp_path / 'start.mcap')
     text = missing_part(last)
-    assert text.endswith(f': {first} does not exist. If the file has another name, give it this '
-                         'one; otherwise, transforms that need them are lost.')
+    assert text.endswith(f': {first} does not exist: rename it back, or they are lost.')
     other.rename(first)
     text = missing_part(last)
     assert text.endswith(f': read {first}, too.')
@@ -208,15 +207,14 @@ def test_a_part_is_a_remedy_only_if_it_exists(tmp_path, logs):
     logs.clear()
     missing_part([first, last])
     assert [record.getMessage() for record in logs] == [
-        f'{first}: parts of its recording are not given: robot_1.mcap (does not exist)']
+        f'{first}: parts of its recording are not given, or missing: robot_1.mcap']
 
 
 def test_parts_without_the_first(tmp_path):
     """They may be separate recordings; with the first part, they are one."""
     files = parts(tmp_path, numbers=(1, 2))
     with pytest.raises(BagError, match=(
-            r'these are 2 recordings .*: give the files of one; without \S+/robot_0\.mcap, which '
-            'does not exist, each file is one$')):
+            r'these are 2 recordings .*: give the files of one$')):
         read(files)
     assert counts(files[:1]) == {'base_link': 31}
     assert counts([*files, *parts(tmp_path, numbers=[0])]) == WHOLE
@@ -312,7 +310,7 @@ def test_parts_of_a_recording_of_rosbag2(logs):
         times = [message.time for message in opened.messages()]
     assert times == sorted(times)
     assert [record.getMessage() for record in logs] == [
-        f'{files[0]}: parts of its recording are not given: mcap_split_1.mcap']
+        f'{files[0]}: parts of its recording are not given, or missing: mcap_split_1.mcap']
 
 
 def test_a_window_of_a_recording():
