@@ -114,10 +114,11 @@ def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
 # Names and parents
 
 
-@_rule('missing_part', '', 'split_bag', _NAMES)
+@_rule('missing_part', '', 'split_bag', _NAMES, severity='warning')
 def _missing_part(facts: Facts) -> Iterator[Evidence]:
-    if facts.buffer.missing_part:
-        yield Evidence(facts.buffer.missing_part.rstrip('.'))
+    """Find recordings without their first part, which has the static transforms."""
+    if text := facts.buffer.missing_part.rstrip('.'):
+        yield Evidence(text, topics=facts.around.topics[:1])
 
 
 @_rule('changing_parent', 'Let only one parent be published for {frame}.', 'jump',

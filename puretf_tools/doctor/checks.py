@@ -160,7 +160,7 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
 
 
 for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
-                     ('wrong_type', ''), ('static_not_latched', 'qos'),
+                     ('wrong_type', ''), ('missing_part', ''), ('static_not_latched', 'qos'),
                      ('incompatible_qos', 'listeners'), ('other_namespace', ''),
                      ('silent_publisher', 'listeners'), ('similar_name', ''), ('part_prefix', '')):
     CHECKS[_code] = RULES[_code]._replace(find=partial(_found_by, _code), needs=(_need,))
@@ -953,13 +953,6 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(f'{count} transform{"s" if count > 1 else ""} with an empty frame_id or '
                      'child_frame_id', (), others, [observation.topics[is_static]],
                      [observation.nodes.get(publisher, '')])
-
-
-@_check(*_same('missing_part'), severity=WARNING)
-def _missing_part(observation: Observation) -> Iterator[_Fault]:
-    """Find recordings without their first part, which has the static transforms."""
-    if observation.missing_part:
-        yield _Fault(observation.missing_part, topics=observation.topics[1:])
 
 
 @_check('link_without_transform', 'Start robot_state_publisher with this description; if it runs, '

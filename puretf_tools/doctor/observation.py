@@ -167,7 +167,7 @@ class Observation:
             topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
             Frames([*self.tree_of], self.parents,
                    [child for child, each in parents.items() if len(each) > 1],
-                   lambda child: [*parents[child].values()]))
+                   lambda child: [*parents[child].values()], missing_part=self.missing_part))
 
     @cached_property
     def off_clock(self) -> dict[str, int]:

@@ -765,7 +765,7 @@ def test_a_missing_part(tmp_path):
     (finding,) = report.findings
     assert (finding.code, finding.evidence) == ('missing_part', (
         f'{later} is without the first part of its recording, which usually has all static '
-        f'transforms: read {first}, too.'))
+        f'transforms: read {first}, too'))
     assert [text for text in report.not_checked if text.startswith('unknown_frame, ')
             and text.endswith('several_trees: a part of the recording is missing or damaged')]
     assert 'unknown_frame' not in {each.code for each in examine([first, later]).findings}
