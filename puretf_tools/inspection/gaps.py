@@ -32,10 +32,6 @@ class Hole(NamedTuple):
     def edge(self) -> str:
         return _edge(self.parent, self.child)
 
-    def interpolated(self, zero: Optional[int] = None) -> str:
-        """Say that a pose is interpolated over the hole; `zero` as in `between`."""
-        return f'interpolated {self.between(zero)}: {self.edge} has no data there'
-
     def between(self, zero: Optional[int] = None) -> str:
         """
         Say when the hole is.
@@ -83,6 +79,12 @@ def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = No
         for i, j in zip(inside.tolist(), step.tolist()):
             found[i] = Hole(edge.parent, edge.child, *edge.stamps[j:j + 2].tolist())
     return found
+
+
+def interpolated(buffer: AnyBuffer, target: str, source: str, time: int, zero: int) -> str:
+    """Say over which hole in a bag a pose is interpolated; '' if over none. `zero`: its begin."""
+    hole, = holes_at(buffer.path_edges(target, source), np.array([time]))
+    return f'interpolated {hole.between(zero)}: {hole.edge} has no data there' if hole else ''
 
 
 def beyond_ends(edges: Edges, times: NDArray[np.int64]

@@ -4,14 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Optional, TYPE_CHECKING
 
-import numpy as np
-
 from puretf import Frame, Transform, TransformBuffer
 from puretf.bag import Bag
 from puretf_tools.cli.bag_options import BagOption
 from puretf_tools.cli.progress import listen, wait
 from puretf_tools.inspection.bag_times import span_of, why_outside
-from puretf_tools.inspection.gaps import AnyBuffer, holes_at
+from puretf_tools.inspection.gaps import AnyBuffer, interpolated
 from puretf_tools.inspection.stamp_clock import PATIENCE
 
 if TYPE_CHECKING:
@@ -66,8 +64,7 @@ class Source:
         """Say that a pose is interpolated over a hole in a bag; '' if it is not."""
         if self.listener or target == source:
             return ''
-        hole, = holes_at(self.buffer.path_edges(target, source), np.array([time]))
-        return str(hole.interpolated(self.span[0])) if hole else ''
+        return interpolated(self.buffer, target, source, time, self.span[0])
 
 
 @contextmanager

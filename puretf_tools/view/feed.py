@@ -5,14 +5,12 @@ from contextlib import suppress
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
-import numpy as np
-
 from puretf import exact_time, Frame, SECOND, Transform, TransformBuffer, TransformException
 from puretf.transform_table import Message
 from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
-from puretf_tools.inspection.gaps import AnyBuffer, Hole, holes_at
+from puretf_tools.inspection.gaps import AnyBuffer, Hole, interpolated
 from puretf_tools.inspection.traffic import Traffic
 from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
@@ -130,19 +128,16 @@ class Feed:
     findings: Sequence[Finding] = ()
     verdict: str = ''  #: the line at the end of its report; '': not examined yet
     now: Callable[[], int]  #: returns the time shown, or of the clock of the stamps (ns)
+    why_no_frames: Callable[[], str]  #: returns the likely reason that there are no frames
+    #: Returns the average delay of a frame (s; None: not known), and who publishes it.
+    publication: Callable[[Frame], tuple[Optional[float], str]]
+    #: Returns the descriptions of robots; the same object if none has changed.
+    descriptions: Callable[[], Descriptions] = dict
     #: Why transforms may not arrive, or that time has gone back; '' if neither.
     hint: str = ''
 
     def watch(self, now: float) -> None:
         """Look at what has arrived; `now`: on the monotonic clock (s)."""
-
-    def descriptions(self) -> Descriptions:
-        """Return the descriptions of robots; the same object if none has changed."""
-        return {}
-
-    def publication(self, frame: Frame) -> tuple[Optional[float], str]:
-        """Return the average delay of a frame (s; None: not known), and who publishes it."""
-        raise NotImplementedError
 
     def ago(self, stamp: int) -> str:
         """Write how old a transform is, or its stamp (ns) if that is more than an hour away."""
@@ -160,10 +155,6 @@ class Feed:
     def reset(self) -> None:
         """Forget all dynamic transforms, if they are live."""
 
-    def why_no_frames(self) -> str:
-        """Return the likely reason that there are no frames."""
-        raise NotImplementedError
-
 
 class BagFeed(Feed):
     """A bag that is played, perhaps while another thread reads it into the buffer."""
@@ -175,6 +166,9 @@ class BagFeed(Feed):
         self.now = lambda: self.player.time
         #: Empty until the bag has been read.
         self.robots: Descriptions = {}
+        self.descriptions = lambda: self.robots
+        self.publication = lambda frame: (None, frame.authority)
+        self.why_no_frames = lambda: 'The bag has no transforms up to this time.'
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
         self.done: Optional[float] = None
         self.error: Optional[BaseException] = None  #: what has ended the reading
@@ -191,30 +185,18 @@ class BagFeed(Feed):
         return '' if done is None else f'reading {self.name}: {done * 100:.0f} %'
 
     def watch(self, now: float) -> None:
-        missing = [Hole('', '', *span).between(self.player.begin)
-                   for span in self.missing_spans if span[0] < self.player.time < span[1]]
-        self.hint = (f'a part of the recording is missing or damaged {missing[0]}; poses are '
-                     'interpolated') if missing else ''
+        lost = [Hole('', '', *span).between(self.player.begin) for span in self.missing_spans
+                if span[0] < self.player.time < span[1]]
+        self.hint = f'a part of the recording is missing or damaged {lost[0]}' if lost else ''
 
     def time_text(self, stamp: int) -> str:
         return both(stamp, self.player.begin)
 
     def hole(self, target: str, name: str) -> str:
         with suppress(TransformException):
-            edges = self.buffer.path_edges(target, name)
-            for hole in holes_at(edges, np.array([self.player.time])):
-                if hole:
-                    return str(hole.interpolated(self.player.begin))
+            time, begin = self.player.time, self.player.begin
+            return interpolated(self.buffer, target, name, time, begin)
         return ''
-
-    def descriptions(self) -> Descriptions:
-        return self.robots
-
-    def publication(self, frame: Frame) -> tuple[Optional[float], str]:
-        return None, frame.authority
-
-    def why_no_frames(self) -> str:
-        return 'The bag has no transforms up to this time.'
 
 
 class LiveFeed(Feed):
@@ -233,16 +215,14 @@ class LiveFeed(Feed):
         #: What was received since the last examination, and whether some was lost before.
         self._waiting: list[Message] = []
         self._has_lost = False
-        self._descriptions = DescriptionListener(
+        self.descriptions = DescriptionListener(
             node, self._frame_listener.topics[0].rpartition('/')[0]
         ).descriptions if descriptions is None else lambda: descriptions
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer, self.now = self._frame_listener.buffer, self._frame_listener.now
+        self.why_no_frames = self._frame_listener.why_nothing
         self.hand_publisher = HandPublisher(self._frame_listener)
         self.joint_controls = joint_controls or JointCommanders(node)
-
-    def descriptions(self) -> Descriptions:
-        return self._descriptions()
 
     def watch(self, now: float) -> None:
         received = self._frame_listener.dated()
@@ -270,6 +250,3 @@ class LiveFeed(Feed):
 
     def reset(self) -> None:
         self.buffer.clear()
-
-    def why_no_frames(self) -> str:
-        return self._frame_listener.why_nothing()

@@ -253,7 +253,7 @@ def test_a_missing_part(bags, page, tmp_path):
     feed.update()
     shown = page(feed)
     # The first part ends with the transform at +9.9 s, the last one begins at +20 s.
-    text = 'a part of the recording is missing or damaged between +9.90 and +20.00 s; poses are'
+    text = 'a part of the recording is missing or damaged between +9.90 and +20.00 s'
     for position, is_missing in (5.0, False), (15.0, True), (25.0, False):
         feed.player.stop_at(100 * S + round(position * S))
         shown.until(lambda: (text in shown.viewer.text('overview')) == is_missing)  # noqa: B023
