@@ -40,9 +40,8 @@ class Explanation(NamedTuple):
             if refusal := _refusal(frame, self.stamp):
                 lines += wrapped(f'No pose at that time: {refusal}.', '    ')
         if lines:
-            lines = [*wrapped(f'The path from {first} to {second}, with the average rate, the '
-                              'oldest and the newest stamp, and the publisher of each edge:'),
-                     '', *lines, '']
+            lines = [*wrapped(f'The path from {first} to {second}, with the average rate, oldest '
+                              'and newest stamp, and publisher of each edge:'), '', *lines, '']
         result = (f'There is no transform from {second} to {first}: {self.why_not}' if self.why_not
                   else f'The transform from {second} to {first} exists {self.when}.')
         return '\n'.join([*lines, *wrapped(visible(result))])

@@ -6,9 +6,9 @@ from shlex import quote
 
 from puretf._text.names import comma_list, visible
 from puretf.rotations import euler_from_quaternion
+from puretf_tools.inspection import traffic
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.inspection.terminal import fixed_point
-from puretf_tools.inspection.traffic import rate_of
 from puretf_tools.view.controls import escaped, html
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Floats, MAX_FRAMES, Placement, REACH
@@ -93,11 +93,9 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
 def rate_text(placement: Placement, name: str) -> str:
     """Return the rate of a frame, or why it has none."""
     frame = placement.frames.get(name)
-    if frame is None or frame.is_static:
-        return 'static' if frame else ''
     if name in placement.late:
         return f'silent for {placement.late[name]:.0f} s'
-    return 'not known' if (rate := rate_of(frame)) is None else f'{rate:.1f} Hz'
+    return traffic.rate_text(frame) if frame else ''
 
 
 def _pose(prefix: str, feed: Feed, stamp: int, translation: Floats, rotation: Floats) -> str:

@@ -344,7 +344,7 @@ def test_texts():
     arm(buffer, T, 'map', '<script>', 'b')
     arm(buffer, T, 'w"orld', 'tree')
     text = details(placement, 'b', feed, buffer)
-    for part in ('<b data-value="parent">&lt;script&gt;</b>', '"rate" title="">not known</td>',
+    for part in ('<b data-value="parent">&lt;script&gt;</b>', '"rate" title="">? Hz</td>',
                  '"delay" title="">1.23 ms</td>', '"publisher" title="">/&lt;i&gt;</td>',
                  f'"parent-time" title="{T // S}.000000000 s">{T // S}.000000000 s</td>'):
         assert part in text
