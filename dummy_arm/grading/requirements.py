@@ -36,6 +36,8 @@ _SHORTEST_WAVE = 0.8
 _BETTER, _EXACT = 0.1, 1e-6
 #: A joint of which less than this part of a period is observed in a long time is too slow.
 _SLOW = 0.3
+#: If they deviate by less, the largest speeds are meant to be those of the sheet.
+_MEANT = 0.1
 #: Good practice: the lowest rate (Hz), the part of a limit that is used, and the part of the ticks
 #: in which all frames have the same stamp.
 _LOWEST_RATE, _USED, _SAME_STAMP = 9.5, 0.49, 0.9
@@ -255,7 +257,8 @@ def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
     speeds, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
     measured = f'{_in_words(speeds)} rad/s (phase)'
     if _are_in_order(largest) and _deviation(largest) < _deviation(speeds):
-        return Line(f'{_in_words(largest)} rad/s (largest speed), {measured}', value=speeds)
+        return Line(f'{_in_words(largest)} rad/s (largest speed), {measured}',
+                    value=largest if _deviation(largest) < _MEANT else speeds)
     return (Line(measured, value=speeds) if _are_in_order(speeds) else
             Line(measured, causes.of_speeds(speeds)))
 

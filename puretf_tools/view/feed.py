@@ -166,9 +166,6 @@ class BagFeed(Feed):
         self.now = lambda: self.player.time
         #: Empty until the bag has been read.
         self.robots: Descriptions = {}
-        self.descriptions = lambda: self.robots
-        self.publication = lambda frame: (None, frame.authority)
-        self.why_no_frames = lambda: 'The bag has no transforms up to this time.'
         #: The fraction of the bag that has been read; None: all of it, or nobody reads it.
         self.done: Optional[float] = None
         self.error: Optional[BaseException] = None  #: what has ended the reading
@@ -188,6 +185,15 @@ class BagFeed(Feed):
         lost = [Hole('', '', *span).between(self.player.begin) for span in self.missing_spans
                 if span[0] < self.player.time < span[1]]
         self.hint = f'a part of the recording is missing or damaged {lost[0]}' if lost else ''
+
+    def descriptions(self) -> Descriptions:
+        return self.robots
+
+    def publication(self, frame: Frame) -> tuple[Optional[float], str]:
+        return None, frame.authority
+
+    def why_no_frames(self) -> str:
+        return 'The bag has no transforms up to this time.'
 
     def time_text(self, stamp: int) -> str:
         return both(stamp, self.player.begin)

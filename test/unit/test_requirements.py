@@ -274,6 +274,14 @@ def test_good_practice(arm, practice, text):
     assert line_of(check(received(RIGHT['slow rate'])), practice).verdict == Verdict.OK
 
 
+def test_largest_speeds_of_the_sheet():
+    """The sheet can be read so: nothing is advised."""
+    limits = np.radians((45.0, 30.0, 60.0))
+    report = check(received(changed(speeds=tuple(np.divide((0.3, 0.5, 0.7), limits)))))
+    assert report.passed
+    assert {line.verdict for line in report.advice} == {Verdict.OK}
+
+
 @pytest.mark.parametrize(('step', 'seconds', 'requirement', 'text'), [
     (0.01, 25.0, 'joint_1 moves as a sine', '. Or observe the arm for 45 s (--time 45).'),
     (0.01, 45.0, 'speeds of about', '.'), (0.02, 25.0, 'the motion follows', '')])
