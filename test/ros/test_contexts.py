@@ -1,5 +1,6 @@
 """Two contexts of rclpy in one process, each with a listener."""
 
+import os
 import threading
 import time
 
@@ -12,6 +13,7 @@ from rclpy.time import Time
 from ros_node import eventually, stamped
 
 from puretf import Buffer, TransformBroadcaster, TransformException, TransformListener
+from puretf._causes.domains import ros_domains
 from puretf._core.engine import engine_of
 from puretf_tools.cli.fast_dds import destroy
 
@@ -56,6 +58,8 @@ def test_two_contexts(domain_id, is_elsewhere, ended):
 
     for i, buffer in enumerate(buffers):
         send_until(i, lambda: buffer.can_transform('map', f'frame_{i}', LATEST))  # noqa: B023
+    domains = {context.get_domain_id() for context in contexts}
+    assert ros_domains([os.getpid()]) == dict.fromkeys(domains, os.getpid())
     for i, buffer in enumerate(buffers):
         if is_elsewhere:
             assert not buffer.can_transform('map', f'frame_{1 - i}', LATEST)
