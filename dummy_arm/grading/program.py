@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 import tokenize
-from zipfile import is_zipfile
 
 from puretf._text.names import abbreviated, comma_list, quoted, visible
 from puretf_tools.cli.parser import CommandError
@@ -72,10 +71,14 @@ def program_in(path: Path) -> Path:
     for place in _PLACES:
         if os.path.isfile(program := path / place / 'dummy_arm.py'):
             return program
-    with suppress(OSError):
-        if names := sorted(os.listdir(path)):
-            raise ProgramError(f'no dummy_arm.py in {path}, but {comma_list(names, quoted)}')
-    raise ProgramError(f'no dummy_arm.py in {path}')
+    try:
+        names = sorted(os.listdir(path))
+    except OSError as error:
+        raise CommandError(f'It cannot be read: {error.strerror}.') from None
+    if not names:
+        raise ProgramError('It is empty.')
+    raise CommandError(f'There is no dummy_arm.py in it, but {comma_list(names, quoted)}: unpack '
+                       'an archive, rename the program to dummy_arm.py, or give its path.')
 
 
 def _source(path: Path) -> str:
@@ -84,26 +87,28 @@ def _source(path: Path) -> str:
             data = file.read(_LONGEST_SOURCE + 1)
     except OSError as error:
         raise ProgramError(f'It cannot be read: {error.strerror}.') from None
-    if is_zipfile(path):
-        raise ProgramError('It is a zip archive, or a document of an office program: unpack it, '
-                           'or save it as plain text.')
+    if b'\0' in data:  # as in archives, and in UTF-16
+        raise CommandError('It is not plain text, but probably an archive or a document: unpack '
+                           'it, or save it as text in UTF-8, a .py file.')
     if len(data) > _LONGEST_SOURCE:
         raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
     try:
         return data.decode(tokenize.detect_encoding(BytesIO(data).readline)[0])
     except (SyntaxError, LookupError, UnicodeError) as error:
         raise ProgramError(
-            'It is not text in UTF-8, but perhaps a PDF, an archive or a compiled program: hand '
-            f'in the source, a .py file, saved as UTF-8 ({error}).') from None
+            'It is not text in UTF-8, but perhaps a PDF: hand in the source, a .py file, saved as '
+            f'UTF-8 ({error}).') from None
 
 
 def _parsed(source: str, path: Path) -> ast.Module:
+    if not source.strip():
+        raise ProgramError('It is empty.')
     if _LAUNCH.search(source) and 'rclpy' not in source:
         raise ProgramError('It is a launch file, which starts programs: hand in the program.')
     try:
         tree = ast.parse(source, str(path))
         compile(tree, str(path), 'exec')
-    except (SyntaxError, ValueError) as error:  # ValueError: it has null bytes
+    except (SyntaxError, ValueError) as error:  # ValueError: it has surrogates
         line, why = getattr(error, 'lineno', None), getattr(error, 'msg', str(error))
         where = f'line {line}: ' if line else ''
         raise ProgramError(f'It does not compile: {where}{why}.') from None

@@ -137,7 +137,7 @@ MISTAKES = {
         """), 'not ok', '/arm is a lifecycle node: is it configured and activated'),
 
     # No program, or an error
-    'missing.py': HandIn(None, 'not ok', r'No such file|no dummy_arm\.py'),
+    'missing.py': HandIn(None, 'not ok', 'No such file|It is empty'),
     'crash.py': HandIn(program(
         ('        now = self', '        self.no_method()\n        now = self')), 'not ok',
         r"AttributeError: 'DummyArm' object has no attribute 'no_method' \(line 50\)")}

@@ -5,6 +5,7 @@ from itertools import pairwise
 import os
 from pathlib import Path
 import re
+import shutil
 import subprocess
 import sys
 from typing import Any
@@ -197,24 +198,21 @@ def test_programs_without_ros(tmp_path):
     assert [*tmp_path.iterdir()] == [path]
 
 
-NO_TEXT = ('It is not text in UTF-8, but perhaps a PDF, an archive or a compiled program: hand in '
-           'the ')
+NO_TEXT = 'It is not text in UTF-8, but perhaps a PDF: hand in the '
 LAUNCH = 'It is a launch file, which starts programs: hand in the program.'
-ZIP = b'PK\5\6' + bytes(18)  # an empty archive
 UMLAUT = '# größer\n'
 #: By name: the bytes of a hand-in, and the reason why it is not run.
 REFUSED: dict[str, tuple[Any, str]] = {
     'umlaut.py': (UMLAUT.encode('latin-1'), NO_TEXT),
-    'zip.py': (ZIP, 'It is a zip archive, or a document of an office program: unpack it, or save'),
     'coding.py': (f'# coding: foo\n{UMLAUT}'.encode(), f'{NO_TEXT}source, a .py file, saved as '
                                                        'UTF-8 (unknown encoding: foo).'),
+    'blank.py': (b'\n \n', 'It is empty.'),
     'long.py': (b'#' * 1_000_001, 'It has more than 1 MB.'),
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
     'arm.launch.xml': (b'<?xml version="1.0"?>\n<launch>\n</launch>\n', LAUNCH),
     'arm.launch.py': (b'import launch\ndef generate_launch_description():\n    pass\n', LAUNCH),
-    'empty': ('folder', 'no dummy_arm.py in empty'),
-    'flat': ('folder', "no dummy_arm.py in flat, but 'arm.py'"),
-    'folder': ('folder', 'It is a zip archive, or a document')}
+    'empty': ('folder', 'It is empty.'),
+    'folder': ('folder', 'It does not compile')}
 
 
 @on_linux
@@ -226,10 +224,9 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
             Path(name).mkdir()
         else:
             Path(name).write_bytes(content)
-    Path('flat', 'arm.py').touch()
     package = Path('folder', 'src', 'dummy_arm', 'dummy_arm')
     package.mkdir(parents=True)
-    (package / 'dummy_arm.py').write_bytes(ZIP)
+    (package / 'dummy_arm.py').write_text('print(')
     Path('folder', 'frames.pdf').write_text('no PDF')
     assert main([*REFUSED, *REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback']) == 1
     lines = capsys.readouterr().out.splitlines()
@@ -244,6 +241,36 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
     assert [(row['file'], row['verdict']) for row in rows] == [
         ("'=1+2" if name == '=1+2' else name, 'not ok') for name in REFUSED]
     assert [row['file'] for row in rows if row['frames.pdf'].startswith('not ')] == ['folder']
+
+
+@on_linux
+def test_a_hand_in_whose_arm_may_be_right(tmp_path):
+    """A folder without dummy_arm.py, and what is not text, is not judged; each remedy helps."""
+    def assert_not_judged(path, remedy):
+        (result,) = grade([str(path)])
+        assert (result.verdict, remedy in result.reason) == ('not judged', True)
+
+    def assert_judged(path):
+        (result,) = grade([str(path)])
+        assert result.reason.startswith('It does not compile')
+
+    program = tmp_path / 'ann' / 'dummy_arm (1).py'
+    program.parent.mkdir()
+    program.write_text('print(', encoding='utf-16')
+    assert_not_judged(program, 'save it as text in UTF-8, a .py file')
+    program.write_text('print(')
+    assert_not_judged(program.parent, "'dummy_arm (1).py': unpack an archive, rename the program")
+    assert_not_judged(program.parent, ', or give its path')
+    assert_judged(program)
+    program.rename(program.with_name('dummy_arm.py'))
+    assert_judged(program.parent)
+    for kind in 'zip', 'gztar':
+        folder = tmp_path / kind
+        archive = shutil.make_archive(str(folder / 'arm'), kind, program.parent)
+        assert_not_judged(folder, f"{os.path.basename(archive)}': unpack an archive")
+        assert_not_judged(archive, 'unpack it')
+        shutil.unpack_archive(archive, folder)
+        assert_judged(folder)
 
 
 @on_linux
