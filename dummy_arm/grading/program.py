@@ -48,6 +48,8 @@ runpy.run_path(path, run_name='__main__')"""
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
 _INPUT = ': nobody types what input() reads; leave it out'
+#: Why a module of ROS 1 is missing.
+_ROS_1 = ': it is of ROS 1; import rclpy and tf2_ros'
 #: How the launch files of ROS begin, as XML, YAML and Python.
 _LAUNCH = re.compile(r'^\s*<launch\b|^launch:|^def generate_launch_description\(', re.MULTILINE)
 _TRACEBACK = 'Traceback (most recent call last):'
@@ -194,7 +196,9 @@ class Program:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
             is_input = 'EOFError: EOF when reading a line' in error
             hides = _hidden_module(error, self._folder, self._original)
-            raise ProgramError(f'It fails: {error}{_CALLED * is_called}{_INPUT * is_input}{hides}')
+            is_old = re.search(r"No module named '(rospy|roslib|tf)'", error) is not None
+            raise ProgramError(f'It fails: {error}{_CALLED * is_called}{_INPUT * is_input}{hides}'
+                               f'{_ROS_1 * is_old}')
         if code is not None:
             seconds = time.monotonic() - self._start
             cause = f': {self._mere_name or "does it call rclpy.spin?"}' if code == 0 else ''

@@ -294,6 +294,19 @@ def test_a_file_that_hides_a_module(tmp_path, monkeypatch, program, file, hides)
 
 
 @on_linux
+@pytest.mark.parametrize(('program', 'reason'), [
+    ('import rospy', "'rospy' (line 1): it is of ROS 1; import rclpy and tf2_ros"),
+    ('import tf.transformations', "'tf' (line 1): it is of ROS 1; import rclpy and tf2_ros"),
+    ('import rclpy, tf2_ros', 'does it call rclpy.spin?'),
+    ('import rospy2', "'rospy2' (line 1)")])
+def test_a_program_that_ends(tmp_path, program, reason):
+    """Its error has a remedy where the cause is known."""
+    (tmp_path / 'arm.py').write_text(program)
+    (grade_of_arm,) = grade([str(tmp_path / 'arm.py')], 1.0)
+    assert grade_of_arm.reason.endswith(reason)
+
+
+@on_linux
 def test_an_observer_that_crashes(tmp_path, monkeypatch):
     """
     The program is not judged, since it is not to blame; the others are.
