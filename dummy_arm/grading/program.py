@@ -21,7 +21,9 @@ from puretf_tools.cli.signals import wait_until
 #: How long to wait until a program has ended after SIGINT (s).
 _GRACE = 3.0
 #: The largest source, the largest output, and the largest file that a program writes (bytes).
-_LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 1_000_000, 200_000_000
+_LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 100_000_000, 200_000_000
+#: How much of the output is read at a time, which is many times a second (bytes).
+_PART = 1_000_000
 #: How much a process may hold that is not shared (bytes), with the stacks of its threads, and how
 #: many files are copied.
 _MOST_DATA, _MOST_COPIED = 2**32, 1000
@@ -182,9 +184,11 @@ class Program:
     def check(self) -> None:
         """Raise why the program has failed, unless it is running and has printed no traceback."""
         code = self._process.poll()
-        output = os.pread(self._output, _LONGEST_OUTPUT + 1, 0)
-        if len(output) > _LONGEST_OUTPUT:
-            raise ProgramError(f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.')
+        size = os.fstat(self._output).st_size
+        if size > _LONGEST_OUTPUT:
+            raise ProgramError(
+                f'It prints more than {_LONGEST_OUTPUT // 10**6} MB: leave out print().')
+        output = os.pread(self._output, _PART, max(0, size - _PART))  # the newest
         if code is None and _TRACEBACK.encode() not in output:
             return
         text = output.decode(errors='replace')

@@ -297,6 +297,7 @@ def test_a_file_that_hides_a_module(tmp_path, monkeypatch, program, file, hides)
 @pytest.mark.parametrize(('program', 'reason'), [
     ('import rospy', "'rospy' (line 1): it is of ROS 1; import rclpy and tf2_ros"),
     ('import tf.transformations', "'tf' (line 1): it is of ROS 1; import rclpy and tf2_ros"),
+    ('print(10**6 * 9 * "x")\n1 / 0', 'It fails: ZeroDivisionError: division by zero (line 2)'),
     ('import rclpy, tf2_ros', 'does it call rclpy.spin?'),
     ('import rospy2', "'rospy2' (line 1)")])
 def test_a_program_that_ends(tmp_path, program, reason):
