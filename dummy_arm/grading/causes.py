@@ -144,7 +144,7 @@ def _fault_of_missing(arm: Arm, edge: SheetFrame) -> Fault:
 def of_nothing(arm: Arm) -> str:
     """Return why a program may send nothing."""
     return arm.no_clock or (
-        f'The program is in line {arm.line}: is there a loop or a wait without end?' if arm.line
+        f'The program is in line {arm.place}: is there a loop or a wait without end?' if arm.place
         else 'Is the timer created, with its period in seconds, and does rclpy.spin run?')
 
 

@@ -62,7 +62,7 @@ class Observer:
                 for name, types in self._node.get_service_names_and_types()
                 if 'lifecycle_msgs/srv/GetState' in types]
 
-    def report(self, int_line: int = 0, line: int = 0,
+    def report(self, int_line: int = 0, place: str = '',
                tick: Callable[[], object] = lambda: None) -> Report:
         """Judge the messages; before that, start a late listener, and call `tick` meanwhile."""
         from dummy_arm.grading.requirements import check
@@ -76,7 +76,7 @@ class Observer:
         waits_for = self.listener.around().waits_for
         no_clock = 'use_sim_time needs /clock, which nothing publishes: leave it out.' * any(
             waits_for.get(each.node) == '/clock' for each in oldest_first)
-        return check(Arm(self.messages, reaches, end, oldest_first, int_line, line, no_clock))
+        return check(Arm(self.messages, reaches, end, oldest_first, int_line, place, no_clock))
 
 
 def _pid(gid: str) -> int:

@@ -41,7 +41,7 @@ signal.pthread_sigmask(signal.SIG_SETMASK, [signal.SIGTERM])
 os.register_at_fork(after_in_child=lambda: signal.pthread_sigmask(signal.SIG_SETMASK, []))
 subprocess.Popen.terminate = subprocess.Popen.kill
 sys.modules['dummy_arm.dummy_arm'] = sys.modules['dummy_arm.arm'] = None
-faulthandler.register(signal.SIGUSR1)  # for `Program.line`
+faulthandler.register(signal.SIGUSR1)  # for `Program.place`
 path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
 sys.path.insert(0, os.path.dirname(path))
@@ -211,20 +211,20 @@ class Program:
             raise ProgramError(f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}'
                                f'{cause}{more}{"" if cause or more else "."}')
 
-    def line(self) -> int:
-        """Return the line of the program that is running; 0 if it is spinning, or unknown."""
+    def place(self) -> str:
+        """Return the line that is running, and its callers; '' if it is spinning, or unknown."""
         begin = os.fstat(self._output).st_size
         self._process.send_signal(signal.SIGUSR1)
 
         def stack() -> str:
-            return os.pread(self._output, _LONGEST_OUTPUT, begin).decode(errors='replace')
+            return os.pread(self._output, _PART, begin).decode(errors='replace')
 
         # The main thread is the last one, its innermost call is the first, and its outermost calls
         # are in `_RUN`.
         wait_until(_GRACE, lambda: '"<string>"' in stack())
         calls = stack().rpartition('hread 0x')[2].partition('/executors.py"')[0]
-        found = re.search(rf'/{re.escape(self._name)}", line (\d+)', calls)
-        return int(found[1]) if found else 0
+        line, *callers = re.findall(rf'/{re.escape(self._name)}", line (\d+)', calls) or ['']
+        return f'{line} (called from {comma_list(callers, "line {}".format)})' if callers else line
 
     def end(self) -> None:
         """End the program by SIGINT, with which it can leave the ROS graph, if it does so soon."""

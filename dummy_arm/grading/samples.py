@@ -84,7 +84,7 @@ class Arm:
 
     def __init__(self, messages: Iterable[ArmMessage], reaches_late_joiners: Optional[bool] = None,
                  end: Optional[int] = None, publishers: Sequence[ArmPublisher] = (),
-                 int_line: int = 0, line: int = 0, no_clock: str = '') -> None:
+                 int_line: int = 0, place: str = '', no_clock: str = '') -> None:
         """
         Sort messages by frame.
 
@@ -95,11 +95,11 @@ class Arm:
         :param publishers: the publishers on /tf and /tf_static, also those that are gone; those of
             the oldest process first; empty: not known.
         :param int_line: a line of the program in which a number is an int; 0: none is known.
-        :param line: the line in which the program is, if it sends nothing; 0: not known.
+        :param place: the line in which the program is, if it sends nothing; '': not known.
         :param no_clock: that a node of the arm waits for /clock in vain; '': none does.
         """
         self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
-        self.int_line, self.line, self.no_clock = int_line, line, no_clock
+        self.int_line, self.place, self.no_clock = int_line, place, no_clock
         rows: defaultdict[str, list[tuple[ArmMessage, Any]]] = defaultdict(list)
         #: A frame that is in one message more than once; '': none.
         self.repeated = ''

@@ -96,10 +96,10 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
     try:
         if wait_until(START, lambda: watch() or observer.poll()):
             wait_until(seconds, lambda: watch() or (observer.poll() and False))
-            line = 0
+            place = ''
         else:
-            line = program.line()
-        report = observer.report(program.int_line, line, watch)
+            place = program.place()
+        report = observer.report(program.int_line, place, watch)
         program.check()
         fault = '' if report.passed else observer.listener.wrong_type_hint()
         if not observer.publishers:

@@ -174,6 +174,10 @@ CHAOS = {
     'loops.py': HandIn(limited('') + program((
         '        now = self.get_clock().now()\n', '        while True:\n            pass\n')),
         'not ok', r'nothing arrives on /tf\. The program is in line \d+: is there a loop'),
+    'loops_in_a_function.py': HandIn(limited('') + program(
+        ('    def send', '    def turn(self):\n        [*map(cos, range(10**6))]\n\n    def send'),
+        ('        now =', '        while True:\n            self.turn()\n        now =')),
+        'not ok', r'in line \d+ \(called from line \d+\): is there a loop'),
 
     # Survivors
     'survivors.py': HandIn(limited("""
