@@ -247,6 +247,8 @@ WRONG = {
         'jumps: it is limit * sin(speed * t)': changed(angle=_joint(1, _bounded)),
         'not a sine': changed(angle=_joint(
             1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))),
+        'joint_1 changes only once a second: is t in whole seconds?': changed(
+            t=lambda self, now: (now - BEGIN) // S),
         'is t in seconds?': _in_unit(1e-9),
         'too fast to see a wave: is t in seconds?': changed(speeds=(25.0, 30.0, 35.0), hertz=50)},
     'joint_2 moves as a sine': {
