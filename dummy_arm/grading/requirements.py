@@ -5,8 +5,9 @@ The check needs no ROS: its input is a list of received or recorded messages. A 
 judged by a pure function of the transforms, and of the results of the requirements that it needs.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from itertools import compress, pairwise
 from math import degrees, log, pi, radians
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -38,9 +39,10 @@ _BETTER, _EXACT = 0.1, 1e-6
 _SLOW = 0.3
 #: If they deviate by less, the largest speeds are meant to be those of the sheet.
 _MEANT = 0.1
-#: Good practice: the lowest rate (Hz), the part of a limit that is used, and the part of the ticks
-#: in which all frames have the same stamp.
-_LOWEST_RATE, _USED, _SAME_STAMP = 9.5, 0.49, 0.9
+#: Good practice: the lowest rate (Hz), the part of a limit that is used, the part of the ticks in
+#: which all frames have the same stamp, and how often a publisher sends base_link: the broadcaster
+#: sends it again with each other static frame.
+_LOWEST_RATE, _USED, _SAME_STAMP, _MOST_STATIC = 9.5, 0.49, 0.9, 5
 
 
 def _not_judged(why: str, measured: str = '', value: Any = None) -> Line:
@@ -362,6 +364,14 @@ def _broadcasters(arm: Arm, *_: Any) -> Line:
     return Line(f'{len(arm.frames_of)} publishers' if is_known else '', causes.recreation(arm))
 
 
+def _base_sent_once(arm: Arm, *_: Any) -> Line:
+    samples = arm.samples.get(BASE.name)
+    sent = Counter(compress(samples.publishers, samples.is_static)) if samples else {}
+    most = max(sent.values(), default=0)
+    return Line(f'messages: {most}' if most else '', '' if most <= _MOST_STATIC else
+                  'Send map → base_link once, in __init__: a late listener also receives it.')
+
+
 def _other_frames(arm: Arm, *_: Any) -> Line:
     return Line(f'{len(arm.others)} other frames' if arm.samples else '',
                   f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
@@ -393,6 +403,7 @@ PRACTICES = (
     Requirement('the joints use at least half of their limits', (
         *_IN_TREE, *_AXIS.values(), *_MOVES.values(), *_STAYS.values()), _use_of_limits),
     Requirement('each broadcaster is created once', (), _broadcasters),
+    Requirement('base_link is sent once', (), _base_sent_once),
     Requirement('no other frames on /tf and /tf_static', (), _other_frames),
     Requirement('speeds of about 0.3, 0.5 and 0.7 rad/s', (_SPEEDS, _CLOCK), _usual_speeds),
     Requirement('all numbers are floats', (), _floats))

@@ -2,7 +2,7 @@
 
 import re
 
-from arms import Arm, changed, FIXED_STEP, jitter, RIGHT, S, WRONG
+from arms import Arm, changed, each, FIXED_STEP, jitter, RIGHT, S, WRONG
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -257,6 +257,8 @@ def test_nothing_on_tf_but_static_joints():
     (changed(hertz=8), 'at least 10', 'joint_1 is sent 8.0 times'),
     (RIGHT['a message for each frame'], 'all frames have the same stamp', 'once in each tick'),
     (changed(limits=(45.0, 14.0, 60.0)), 'the joints use', 'joint_2 uses only 47 %'),
+    (each(lambda topic, time, rows: [(topic, time, rows), ('/tf_static', time, [
+        Arm().row(0, time)])]), 'base_link is sent once', 'once, in __init__'),
     (RIGHT['another node'], 'no other frames', 'Other frames: other.'),
     (changed(speeds=(1.5, 2.5, 3.5)), 'speeds of about', 'time in seconds'),
     (changed(speeds=(1.885, 3.142, 4.398)), 'speeds of about', 'a factor 2π?'),
