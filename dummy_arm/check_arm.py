@@ -40,13 +40,15 @@ _PROGRAMS, _BAG, _DRAWINGS, _ARM = 'programs', 'a bag', 'drawings', 'the arm tha
 def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
                feedback: Optional[str]) -> int:
     """Grade programs; print a line for each when it has been graded. Return the exit code."""
-    # A file that is given twice runs once.
-    rows = {file: _row(Grade(file, None, '', Verdict.NOT_RUN)) for file in files}
+    older = _read_table(table) if table else []
+    # A file that is given twice runs once. The shell adds a slash to the name of a folder.
+    rows = {file: _row(Grade(file, None, '', Verdict.NOT_RUN))
+            for file in map(str, map(Path, files))}
     grades = grade([*rows], seconds, jobs, lambda done, what: show(done, what))
     try:
         while True:
             if table:
-                _write_table(table, rows.values())
+                _write_table(table, [*older, *rows.values()])
             with progress(len(rows), bar_format=_BAR) as show:
                 result = next(grades, None)
             if not result:
@@ -55,7 +57,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
             rows[result.file] = _row(result)
             if feedback:
                 try:
-                    _write_feedback(Path(feedback), files, result)
+                    _write_feedback(Path(feedback), result)
                 except (CommandError, OSError) as error:  # the table is the record
                     _warn(error)
     except KeyboardInterrupt:
@@ -82,20 +84,39 @@ def _cell(text: str) -> str:
     return f"'{text}" if text.startswith(('=', '+', '-', '@')) else text
 
 
+def _titles() -> list[str]:
+    return [*_row(Grade('', check(Arm([])), '', ''))]
+
+
+def _read_table(path: str) -> list[dict[str, str]]:
+    """Return the rows of an older table; raise CommandError if the file is no table."""
+    if not os.path.isfile(path):
+        return []
+    try:
+        with open(path, newline='', encoding='utf-8-sig') as file:
+            titles, *rows = csv.reader(file)
+    except (ValueError, csv.Error):  # it is no text, or empty
+        titles, rows = [], []
+    if titles != _titles() or any(len(row) != len(titles) for row in rows):
+        raise CommandError(f'{path} does not have the columns of a table of check_arm: remove it, '
+                           'or name another file')
+    return [dict(zip(titles, row)) for row in rows]
+
+
 def _write_table(path: str, rows: Iterable[dict[str, str]]) -> None:
+    """Write the last row of each file."""
     # Without a byte-order mark, spreadsheets assume the encoding of the country; some separate
     # cells by semicolons.
     with whole_file(Path(path)) as part, part.open('w', newline='', encoding='utf-8-sig') as file:
-        titles = _row(Grade('', check(Arm([])), '', ''))
-        writer = csv.DictWriter(file, titles, quoting=csv.QUOTE_ALL)
+        writer = csv.DictWriter(file, _titles(), quoting=csv.QUOTE_ALL)
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({row['file']: row for row in rows}.values())
 
 
-def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> None:
-    """Write the whole report of a hand-in; its path in the directory is that of the hand-in."""
-    folder = os.path.commonpath([os.path.dirname(os.path.abspath(file)) for file in files])
-    path = directory / f'{os.path.relpath(result.file, folder)}.txt'
+def _write_feedback(directory: Path, result: Grade) -> None:
+    """Write the whole report of a hand-in, under its path from the working directory."""
+    inside = os.path.normpath(f'/{os.path.relpath(result.file)}')  # no '..' leaves the directory
+    path = directory / f'{inside[1:] or os.path.basename(os.path.abspath(result.file))}.txt'
     lines = [result.line]
     if result.report:
         lines += ['', *format_report(result.report)]

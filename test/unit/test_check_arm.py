@@ -244,6 +244,61 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
 
 
 @on_linux
+def test_a_hand_in_that_is_graded_again(tmp_path, monkeypatch):
+    """Its row and its report are replaced, those of the others stay; a slash does not matter."""
+    monkeypatch.chdir(tmp_path)
+    options = '--csv', 'grades.csv', '--feedback', 'feedback'
+    for name in 'ann', 'bob':
+        Path(name).mkdir()
+        Path(name, 'dummy_arm.py').write_text('print(')
+    assert main(['ann', 'bob', *options]) == 1
+    Path('ann', 'dummy_arm.py').write_text('')
+    assert main(['./ann/', *options]) == 1
+    assert [(row['file'], row['reason']) for row in read_table(Path('grades.csv'))] == [
+        ('ann', 'It is empty.'), ('bob', "It does not compile: line 1: '(' was never closed.")]
+    assert [(path.name, path.read_text()) for path in sorted(Path('feedback').rglob('*'))] == [
+        ('ann.txt', 'ann: not ok: It is empty.\n'),
+        ('bob.txt', "bob: not ok: It does not compile: line 1: '(' was never closed.\n")]
+
+
+@on_linux
+@pytest.mark.parametrize('content', [
+    b'', b'name,points\n', b'\xff', b'\xef\xbb\xbf"file","verdict"\n', 'a short row'])
+def test_a_file_that_is_no_table(tmp_path, monkeypatch, capsys, failed, content):
+    """It stays, and no program is run. Without it, there is a table."""
+    monkeypatch.chdir(tmp_path)
+    table = Path('grades.csv')
+    if isinstance(content, str):
+        main(['arm.py', '--csv', 'grades.csv'])
+        content = table.read_bytes() + b'"arm.py"\n'
+        capsys.readouterr()
+    table.write_bytes(content)
+    assert failed(main, 'arm.py', '--csv', 'grades.csv') == (
+        1, 'check_arm: grades.csv does not have the columns of a table of check_arm: remove it, '
+        'or name another file\n')
+    assert table.read_bytes() == content
+    table.unlink()
+    main(['arm.py', '--csv', 'grades.csv'])
+    assert len(read_table(table)) == 1
+
+
+@on_linux
+def test_the_names_of_reports(tmp_path, monkeypatch):
+    """Each is the path from the working directory, and in the directory of the reports."""
+    work = tmp_path / 'work'
+    (work / 'in').mkdir(parents=True)
+    monkeypatch.chdir(work)
+    for files, names in {
+            ('in/ann.py',): ['in/ann.py'], ('in/ann.py', 'bob.py'): ['bob.py', 'in/ann.py'],
+            (str(work / 'in' / 'ann.py'),): ['in/ann.py'], ('../cid.py',): ['cid.py'],
+            ('.',): ['work'], ('in/../../in',): ['in']}.items():
+        assert main([*files, '--feedback', 'reports']) == 1
+        assert sorted(str(path.relative_to('reports')) for path in Path('reports').rglob('*.txt')
+                      ) == [f'{name}.txt' for name in names]
+        shutil.rmtree('reports')
+
+
+@on_linux
 def test_a_hand_in_whose_arm_may_be_right(tmp_path):
     """A folder without dummy_arm.py, and what is not text, is not judged; each remedy helps."""
     def assert_not_judged(path, remedy):
