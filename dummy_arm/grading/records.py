@@ -99,7 +99,7 @@ class Grade(NamedTuple):
     report: Optional[Report]  #: None if the program could not be judged
     reason: str  #: why it did not pass; if it passed, the good practice that is not followed
     verdict: str  #: OK, NOT_OK, NOT_JUDGED or NOT_RUN
-    drawing: str = ''  #: the result for the frames.pdf beside it; '' if there is none
+    drawing: str = ''  #: the result for its frames.pdf; '' if nobody has looked for it
 
     @property
     def result(self) -> str:

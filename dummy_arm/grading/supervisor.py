@@ -45,10 +45,11 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
     warnings.simplefilter('ignore')  # of the compiler about the program, and of large numbers
     os.environ['ROS_DOMAIN_ID'] = str(domain)
     processes.become_subreaper()
-    path, node = Path(file), ExitStack()
+    folders, node = [Path(file)], ExitStack()
     with TemporaryDirectory(dir=directory, ignore_cleanup_errors=True) as directory:
         try:
-            path = program_in(path)
+            path = program_in(Path(file))
+            folders.append(path.parent)
             program = Program(path, directory)
             grade = _observed(file, connection, program, seconds, domain, node)
         except CommandError as error:
@@ -57,8 +58,9 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
                           Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
         with suppress(OSError):  # the command has ended
             connection.send(grade._replace(drawing=next((
-                drawing.judge(each).result for folder in (Path(file), path.parent)
-                if os.path.exists(each := folder / 'frames.pdf')), '')))
+                drawing.judge(each).result for folder in folders
+                for name in ('frames.pdf', 'report/frames.pdf')
+                if os.path.exists(each := folder / name)), 'missing')))
         processes.end_descendants()
     os._exit(0)  # without a shutdown of ROS, which can hang: the program may be killed
 

@@ -24,7 +24,7 @@ def test_programs(start, tmp_path):
     assert not differences(programs, process.output, table)
     assert not process.has_left_processes()
     rows = {row['file']: row for row in read_table(table)}
-    assert [*rows['model.py'].values()] == ['model.py', 'ok', '', '', *['ok'] * 33]
+    assert [*rows['model.py'].values()] == ['model.py', 'ok', '', 'missing', *['ok'] * 33]
     assert rows['full_angle.py']['joint_1 stays within ±45°'] == 'not ok'
     assert f'full_angle.py: not ok: {rows["full_angle.py"]["reason"]}\n' in process.output
     assert {path.name for path in tmp_path.iterdir()} == {

@@ -212,35 +212,40 @@ REFUSED: dict[str, tuple[Any, str]] = {
     'arm.launch.xml': (b'<?xml version="1.0"?>\n<launch>\n</launch>\n', LAUNCH),
     'arm.launch.py': (b'import launch\ndef generate_launch_description():\n    pass\n', LAUNCH),
     'empty': ('folder', 'It is empty.'),
-    'folder': ('folder', 'It does not compile')}
+    'folder': ('folder', 'It does not compile'),
+    'with_report': ('folder', 'It does not compile')}
 
 
 @on_linux
 def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
-    """Each has one line, one row and its feedback, with that on the frames.pdf in a folder."""
+    """Each has one line, one row and its feedback, with that on its frames.pdf."""
     monkeypatch.chdir(tmp_path)
     for name, (content, _) in REFUSED.items():
         if content == 'folder':
             Path(name).mkdir()
         else:
             Path(name).write_bytes(content)
-    package = Path('folder', 'src', 'dummy_arm', 'dummy_arm')
-    package.mkdir(parents=True)
-    (package / 'dummy_arm.py').write_text('print(')
-    Path('folder', 'frames.pdf').write_text('no PDF')
+    for name, program, drawing in (
+            ('folder', 'src/dummy_arm/dummy_arm/dummy_arm.py', 'frames.pdf'),
+            ('with_report', 'dummy_arm.py', 'report/frames.pdf')):
+        for path in Path(name, program), Path(name, drawing):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text('print(')
     assert main([*REFUSED, *REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback']) == 1
     lines = capsys.readouterr().out.splitlines()
     for name, (_, reason) in REFUSED.items():
         (line,) = [line for line in lines if line.startswith(f'{name}: not ok: {reason}')]
-        drawing = r'\n\nframes.pdf: not (ok|judged): .+' if name == 'folder' else ''
-        assert re.fullmatch(re.escape(line) + drawing + '\n',
+        drawing = 'not (ok|judged): .+' if name in ('folder', 'with_report') else 'missing'
+        assert re.fullmatch(rf'{re.escape(line)}\n\nframes\.pdf: {drawing}\n',
                             (tmp_path / 'feedback' / f'{name}.txt').read_text())
     assert Path('grades.csv').read_bytes().startswith(
         b'\xef\xbb\xbf"file","verdict","reason","frames.pdf",')
     rows = read_table(Path('grades.csv'))
     assert [(row['file'], row['verdict']) for row in rows] == [
         ("'=1+2" if name == '=1+2' else name, 'not ok') for name in REFUSED]
-    assert [row['file'] for row in rows if row['frames.pdf'].startswith('not ')] == ['folder']
+    assert [row['file'] for row in rows if row['frames.pdf'].startswith('not ')] == [
+        'folder', 'with_report']
+    assert {row['frames.pdf'] for row in rows[:-2]} == {'missing'}
 
 
 @on_linux
@@ -257,8 +262,9 @@ def test_a_hand_in_that_is_graded_again(tmp_path, monkeypatch):
     assert [(row['file'], row['reason']) for row in read_table(Path('grades.csv'))] == [
         ('ann', 'It is empty.'), ('bob', "It does not compile: line 1: '(' was never closed.")]
     assert [(path.name, path.read_text()) for path in sorted(Path('feedback').rglob('*'))] == [
-        ('ann.txt', 'ann: not ok: It is empty.\n'),
-        ('bob.txt', "bob: not ok: It does not compile: line 1: '(' was never closed.\n")]
+        ('ann.txt', 'ann: not ok: It is empty.\n\nframes.pdf: missing\n'),
+        ('bob.txt', "bob: not ok: It does not compile: line 1: '(' was never closed.\n\n"
+                    'frames.pdf: missing\n')]
 
 
 @on_linux
