@@ -84,22 +84,42 @@ def buffer_of(arm):
     return buffer
 
 
+def lines_of(svg):
+    """Return the points of each line of a picture."""
+    return [np.array([point.split(',') for point in line.get('points', '').split()], float)
+            for line in svg.iterfind('{*}polyline')]
+
+
 def test_the_picture():
     """It has the path of the hand, the limits of the joints, and a grid with its coordinates."""
     buffer = buffer_of(Arm())
     svg = ElementTree.fromstring(picture(buffer))
-    path, arm = (np.array([point.split(',') for point in line.get('points', '').split()], float)
-                 for line in svg.iterfind('{*}polyline'))
+    path, *edges = lines_of(svg)
     ends = hand(buffer.path_stamps('map', 'end_effector'))[:, :2] * [1, -1]
     np.testing.assert_allclose(path, ends, atol=1e-3)
-    assert arm[-1].tolist() == path[-1].tolist()
+    assert edges[-1][-1].tolist() == path[-1].tolist()
     texts = [(each.text or '', float(each.get('x', '')), float(each.get('y', '')))
              for each in svg.iterfind('{*}text')]
+    left, _, width, _ = map(float, svg.get('viewBox', '').split())
+    font = 0.6 * float(svg.get('font-size', ''))  # about the mean width of a character
+    assert all(left <= x and x + font * len(text) <= left + width for text, x, _ in texts)
     assert [text for text, _, _ in texts if not text.endswith(' m')] == [
         'joint_1 ±45°', 'joint_2 ±30°', 'joint_3 ±60°', 'end_effector']
     grid = [(float(text[:-2]), x, -y) for text, x, y in texts if text.endswith(' m')]
     assert all(value in (x, y) for value, x, y in grid)
     assert {value > 0.0 for value, _, _ in grid} == {True, False}
+
+
+@pytest.mark.parametrize(('arm', 'parents'), [
+    (Arm(), FRAMES[:5]),
+    (WRONG['the tree']['The parent of joint_3 must be joint_2, not joint_1'],
+     ('map', 'base_link', 'joint_1', 'joint_1', 'joint_3'))])
+def test_the_edges_of_a_picture(arm, parents):
+    """Each frame is joined to its parent, right or wrong."""
+    _, *edges = lines_of(ElementTree.fromstring(picture(buffer_of(arm))))
+    places = {'map': [0.0, 0.0], **{name: end.tolist() for name, (_, end) in zip(
+        FRAMES[1:], edges)}}
+    assert [begin.tolist() for begin, _ in edges] == [places[name] for name in parents]
 
 
 @pytest.mark.parametrize('arm', [
