@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 import csv
 import os
 from pathlib import Path
@@ -40,7 +41,7 @@ _PROGRAMS, _BAG, _DRAWINGS, _ARM = 'programs', 'a bag', 'drawings', 'the arm tha
 def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
                feedback: Optional[str]) -> int:
     """Grade programs; print a line for each when it has been graded. Return the exit code."""
-    older = _read_table(table) if table else []
+    older = _read_table(table) if table and os.path.isfile(table) else []
     # A file that is given twice runs once. The shell adds a slash to the name of a folder.
     rows = {file: _row(Grade(file, None, '', Verdict.NOT_RUN))
             for file in map(str, map(Path, files))}
@@ -90,17 +91,13 @@ def _titles() -> list[str]:
 
 def _read_table(path: str) -> list[dict[str, str]]:
     """Return the rows of an older table; raise CommandError if the file is no table."""
-    if not os.path.isfile(path):
-        return []
-    try:
-        with open(path, newline='', encoding='utf-8-sig') as file:
-            titles, *rows = csv.reader(file)
-    except (ValueError, csv.Error):  # it is no text, or empty
-        titles, rows = [], []
-    if titles != _titles() or any(len(row) != len(titles) for row in rows):
-        raise CommandError(f'{path} does not have the columns of a table of check_arm: remove it, '
-                           'or name another file')
-    return [dict(zip(titles, row)) for row in rows]
+    # ValueError: it is no text, or empty, or a row has another length.
+    with suppress(ValueError, csv.Error), open(path, newline='', encoding='utf-8-sig') as file:
+        titles, *rows = csv.reader(file)
+        if titles == _titles():
+            return [dict(zip(titles, row, strict=True)) for row in rows]
+    raise CommandError(f'{path} does not have the columns of a table of check_arm: remove it, or '
+                       'name another file')
 
 
 def _write_table(path: str, rows: Iterable[dict[str, str]]) -> None:
@@ -117,12 +114,9 @@ def _write_feedback(directory: Path, result: Grade) -> None:
     """Write the whole report of a hand-in, under its path from the working directory."""
     inside = os.path.normpath(f'/{os.path.relpath(result.file)}')  # no '..' leaves the directory
     path = directory / f'{inside[1:] or os.path.basename(os.path.abspath(result.file))}.txt'
-    lines = [result.line]
-    if result.report:
-        lines += ['', *format_report(result.report)]
-    if result.drawing:
-        lines += ['', f'frames.pdf: {result.drawing}']
-    _write(path, '\n'.join([*lines, '']))
+    report = ['', *format_report(result.report)] if result.report else []
+    drawing = ['', f'frames.pdf: {result.drawing}'] if result.drawing else []
+    _write(path, '\n'.join([result.line, *report, *drawing, '']))
 
 
 def _write(path: Path, content: 'str | bytes') -> None:

@@ -34,8 +34,6 @@ _OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
 #: A current stamp differs from the time of arrival by less than this time (s). This part of the
 #: stamps may differ by more: if the machine stops for some seconds, what was sent then is late.
 LARGEST_DELAY, _DELAYED = 0.5, 0.3
-#: An angle that changes at intervals of 1 s, within this time (s), is one of whole seconds.
-_WHOLE_SECOND = 0.1
 #: tf2's limit for |norm² - 1| of a quaternion.
 _NORM_TOLERANCE = 10e-3
 #: A float that is smaller, but not 0, is what an int becomes where a float is expected.
@@ -46,8 +44,7 @@ WRONG_ORDER = ('Is the order x, y, z, w? In a message, w is the last number; tra
 USE_FLOATS = ('Write 0.0 and not 0, since all numbers in a message are floats: in the container, '
               'an int may be sent as another number.')
 _HALF_ANGLE = 'In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).'
-_PRECISE = 'Use .nanoseconds * 1e-9.'
-UNIT_OF_TIME = f'is t in seconds? {_PRECISE}'
+UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
 _NOW = 'write header.stamp = self.get_clock().now().to_msg()'
 #: What was measured, and the cause.
 Fault = tuple[str, str]
@@ -278,10 +275,9 @@ def of_wave(joint: SheetFrame, times: Floats, angles: Floats, sine: Sine) -> str
     if sine.speed > 0.9 * FASTEST:
         return too_fast
     changes = times[1:][np.diff(angles) != 0.0]
-    if 1 < len(changes) < len(times) / 2 and (
-            abs(np.median(np.diff(changes)) - 1.0) < _WHOLE_SECOND):
+    if 1 < len(changes) < len(times) / 2 and abs(np.median(np.diff(changes)) - 1.0) < 0.1:
         return (f'The angle of {joint.name} changes only once a second: is t in whole seconds? '
-                f'{_PRECISE}')
+                'Use .nanoseconds * 1e-9.')
     low, high = float(angles.min()), float(angles.max())
     at_ends = np.mean((angles > high - 0.01 * (high - low)) | (angles < low + 0.01 * (high - low)))
     if at_ends > 0.2:  # for a sine, it is 0.13

@@ -89,13 +89,12 @@ def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
 
 def _reserved_domain() -> Optional[tuple[int, socket.socket]]:
     """Reserve a ROS domain that nobody uses, by a socket that other calls respect."""
-    used = used_domains()
-    for domain in random.sample(DOMAINS, len(DOMAINS)):
+    free = sorted({*DOMAINS} - used_domains())
+    for domain in random.sample(free, len(free)):
         reservation = socket.socket(socket.AF_UNIX)
         with suppress(OSError):
-            if domain not in used:
-                reservation.bind(f'\0dummy_arm.check_arm.{domain}')
-                return domain, reservation
+            reservation.bind(f'\0dummy_arm.check_arm.{domain}')
+            return domain, reservation
         reservation.close()
     return None
 

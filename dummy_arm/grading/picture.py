@@ -33,8 +33,7 @@ def picture(buffer: 'Buffer') -> str:
              f'{2 * size} {2 * size}" font-size="{size / 20:.3f}" stroke-width="{size / 60:.3f}" '
              'stroke-linecap="round">',
              '<title>The arm from above, and the path of its hand; grid in m</title>']
-    ticks = float(f'{size / 4:.1g}') * np.arange(-4, 5)
-    for tick in ticks[abs(ticks) < 0.8 * size]:
+    for tick in float(f'{size / 5:.1g}') * np.arange(-3, 4):
         lines.append(f'<path d="M{tick:g} {-size}V{size}M{-size} {-tick:g}H{size}" stroke="#eee" '
                      f'stroke-width="{size / 200:.3f}"/><text x="{tick:g}" y="{size}">{tick:g} m'
                      f'</text><text x="{-size}" y="{-tick:g}">{tick:g} m</text>')

@@ -50,8 +50,6 @@ runpy.run_path(path, run_name='__main__')"""
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
 _INPUT = ': nobody types what input() reads; leave it out'
-#: Why a module of ROS 1 is missing.
-_ROS_1 = ': it is of ROS 1; import rclpy and tf2_ros'
 #: How the launch files of ROS begin, as XML, YAML and Python.
 _LAUNCH = re.compile(r'^\s*<launch\b|^launch:|^def generate_launch_description\(', re.MULTILINE)
 _TRACEBACK = 'Traceback (most recent call last):'
@@ -75,14 +73,12 @@ def program_in(path: Path) -> Path:
     for place in _PLACES:
         if os.path.isfile(program := path / place / 'dummy_arm.py'):
             return program
-    try:
-        names = sorted(os.listdir(path))
-    except OSError as error:
-        raise CommandError(f'It cannot be read: {error.strerror}.') from None
-    if not names:
-        raise ProgramError('It is empty.')
-    raise CommandError(f'There is no dummy_arm.py in it, but {comma_list(names, quoted)}: unpack '
-                       'an archive, rename the program to dummy_arm.py, or give its path.')
+    with suppress(OSError):
+        if names := sorted(os.listdir(path)):
+            raise CommandError(
+                f'There is no dummy_arm.py in it, but {comma_list(names, quoted)}: unpack an '
+                'archive, rename the program to dummy_arm.py, or give its path.')
+    raise ProgramError('It is empty, or cannot be read.')
 
 
 def _source(path: Path) -> str:
@@ -199,10 +195,8 @@ class Program:
         if error:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text
             is_input = 'EOFError: EOF when reading a line' in error
-            hides = _hidden_module(error, self._folder, self._original)
-            is_old = re.search(r"No module named '(rospy|roslib|tf)'", error) is not None
-            raise ProgramError(f'It fails: {error}{_CALLED * is_called}{_INPUT * is_input}{hides}'
-                               f'{_ROS_1 * is_old}')
+            why = _why_not_imported(error, self._folder, self._original)
+            raise ProgramError(f'It fails: {error}{_CALLED * is_called}{_INPUT * is_input}{why}')
         if code is not None:
             seconds = time.monotonic() - self._start
             cause = f': {self._mere_name or "does it call rclpy.spin?"}' if code == 0 else ''
@@ -247,19 +241,20 @@ def _error_of(output: str, name: str) -> str:
     return f'{abbreviated(visible(printed[end]), 300)}{where}'
 
 
-def _hidden_module(error: str, folder: Path, original: Path) -> str:
+def _why_not_imported(error: str, folder: Path, original: Path) -> str:
     """
-    Say which file of a hand-in hides a module that an error names; '' if none does.
+    Say that a module is of ROS 1, or which file of a hand-in hides it; '' if it is not known.
 
     :param folder: the copy of the folder in which the hand-in is, which is `original`.
     """
     if not error.startswith(('AttributeError: ', 'ImportError: ', 'ModuleNotFoundError: ')):
         return ''
+    if re.search(r"No module named '(rospy|roslib|tf)'", error):
+        return ': it is of ROS 1; import rclpy and tf2_ros'
     for name in re.findall(r"'(\w+)[.']", error):
         for file in f'{name}.py', f'{name}/__init__.py':
-            if not (folder / file).is_file() or name in ('dummy_arm', '__main__'):
-                continue
-            spec = find_spec(name)
-            if spec and not Path(spec.origin or '/').is_relative_to(original):
-                return f': {file} of the hand-in hides the module {name}: rename it'
+            if (folder / file).is_file() and name not in ('dummy_arm', '__main__'):
+                spec = find_spec(name)
+                if spec and not Path(spec.origin or '/').is_relative_to(original):
+                    return f': {file} of the hand-in hides the module {name}: rename it'
     return ''

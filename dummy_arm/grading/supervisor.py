@@ -53,9 +53,8 @@ def supervise(connection: Connection, file: str, seconds: float, directory: str,
             program = Program(path, directory)
             grade = _observed(file, connection, program, seconds, domain, node)
         except CommandError as error:
-            is_wrong = isinstance(error, ProgramError)
-            grade = Grade(file, None, str(error),
-                          Verdict.NOT_OK if is_wrong else Verdict.NOT_JUDGED)
+            verdict = Verdict.NOT_OK if isinstance(error, ProgramError) else Verdict.NOT_JUDGED
+            grade = Grade(file, None, str(error), verdict)
         with suppress(OSError):  # the command has ended
             connection.send(grade._replace(drawing=next((
                 drawing.judge(each).result for folder in folders
@@ -96,12 +95,9 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
 
     program.start()
     try:
-        if wait_until(START, lambda: watch() or observer.poll()):
+        if has_begun := wait_until(START, lambda: watch() or observer.poll()):
             wait_until(seconds, lambda: watch() or (observer.poll() and False))
-            place = ''
-        else:
-            place = program.place()
-        report = observer.report(program.int_line, place, watch)
+        report = observer.report(program.int_line, '' if has_begun else program.place(), watch)
         program.check()
         fault = '' if report.passed else observer.listener.wrong_type_hint()
         if not observer.publishers:
@@ -131,8 +127,7 @@ def _arm_of_package(observer: Observer) -> str:
 
 def _other_domain(domain: int) -> str:
     """Return in which other ROS domain the program publishes; '' if in none."""
-    found = ros_domains([each.pid for each in processes.descendants()])
-    others = [each for each in sorted(found) if each != domain]
+    others = sorted({*ros_domains([each.pid for each in processes.descendants()])} - {domain})
     return (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; the '
             'user sets the domain.') if others else ''
 

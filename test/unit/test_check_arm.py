@@ -231,7 +231,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
     'arm.launch.xml': (b'<?xml version="1.0"?>\n<launch>\n</launch>\n', LAUNCH),
     'arm.launch.py': (b'import launch\ndef generate_launch_description():\n    pass\n', LAUNCH),
-    'empty': ('folder', 'It is empty.'),
+    'empty': ('folder', 'It is empty, or cannot be read.'),
     'folder': ('folder', 'It does not compile'),
     'with_report': ('folder', 'It does not compile')}
 
