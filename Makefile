@@ -90,6 +90,7 @@ EXTRAS := robot,ros$(OF_DISTRO),view
 PROGRESS := while read -r what name rest; do case "$$what $$name $$rest" in \
     Obtaining\ file*) echo "preparing $${name\#file://}" ;; \
     Collecting*) n=$$((n + 1)); echo "package $$n: $${name%%[<>=~!;[]*}" ;; \
+    Processing*.whl*) n=$$((n + 1)); name=$${name\#\#*/}; echo "package $$n: $${name%%-*}" ;; \
     Downloading*MB\)) echo "    downloading $${name%%-*} $$rest" ;; \
     Installing\ collected*) echo "unpacking $$n packages" ;; esac; done
 $(INSTALLED): SHELL := bash

@@ -16,6 +16,19 @@ pytestmark = pytest.mark.skipif(
 pytest.importorskip('viser', reason='viser, which serves the page, is not installed')
 
 
+def test_the_progress_of_an_installation(tmp_path):
+    """Packages are counted, those of an index and those of a directory."""
+    path = tmp_path / 'printed'
+    path.write_text(
+        'Collecting numpy<2 (from dummy-arm==0.4.0)\n'
+        'Processing /lab/wheels/ros_jazzy_rclpy-7.1-cp312-cp312-linux_x86_64.whl (from x)\n'
+        'Installing collected packages: numpy, ros-jazzy-rclpy\n')
+    done = subprocess.run(['make', '--silent', f'--eval=show: ; @$(PROGRESS) < {path}', 'show'],
+                          cwd=ROOT, text=True, check=True, stdout=subprocess.PIPE)
+    assert done.stdout == (
+        'package 1: numpy\npackage 2: ros_jazzy_rclpy\nunpacking 2 packages\n')
+
+
 @pytest.mark.parametrize(('signal_number', 'to_all'), [
     (signal.SIGINT, True), (signal.SIGTERM, False)], ids=['Ctrl-C', 'SIGTERM to make'])
 def test_it_prints_the_address_and_ends(domain_id, signal_number, to_all):
