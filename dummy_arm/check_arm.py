@@ -261,7 +261,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--frames', nargs='+', default=(), metavar='FILE',
                         help='check drawings of view_frames, as PDF')
     parser.add_argument('--csv', dest='table', metavar='OUT',
-                        help='write a table with a row for each program')
+                        help='write a table with a row for each program; other rows stay')
     parser.add_argument('--feedback', metavar='DIR',
                         help='write the report of each program, and of the frames.pdf beside it; '
                              'of the arm that is running, what to hand in: the report, frames.pdf '
