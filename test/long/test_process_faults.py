@@ -164,22 +164,30 @@ def test_a_file_that_cannot_be_written(disk, arm_bag, domain_id, name, why):
     if name.startswith('frames'):
         pytest.importorskip('pygraphviz')
     command, *arguments = WRITERS[name]
-    (disk / name).write_text('old')
+
+    def write():
+        return subprocess.run(
+            [sys.executable, *tool(command, *(arm_bag if argument == 'BAG' else argument
+                                              for argument in arguments), name)],
+            cwd=disk, env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, text=True,
+            capture_output=True, check=False)
+
+    if command == 'check_arm':  # it only replaces a table of its own
+        write()
+    else:
+        (disk / name).write_text('old')
+    old = (disk / name).read_bytes()
     if why.startswith('No'):
         fill(disk)
     else:
         make_read_only(disk)
     before = sorted(os.listdir(disk))
-    done = subprocess.run(
-        [sys.executable, *tool(command, *(arm_bag if argument == 'BAG' else argument
-                                          for argument in arguments), name)],
-        cwd=disk, env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, text=True,
-        capture_output=True, check=False)
+    done = write()
     assert done.returncode == 1
     assert re.fullmatch(f'{command}: cannot write {name}: ({why}|. is not a writable directory)\n',
                         done.stderr), done.stderr
     assert sorted(os.listdir(disk)) == before
-    assert (disk / name).read_text() == 'old'
+    assert (disk / name).read_bytes() == old
 
 
 def test_a_log_directory_that_cannot_be_written(disk, start):
