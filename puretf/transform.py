@@ -10,6 +10,7 @@ from puretf import rotations
 from puretf._core.pose import Quaternion
 from puretf._core.times import nanoseconds, nanoseconds_or_int, split
 from puretf._text.distribution import require_ros
+from puretf.exceptions import described
 
 Vector = tuple[float, float, float]
 
@@ -110,7 +111,8 @@ class Transform(NamedTuple):
         :raises ValueError: if the child frame of the left one is not the `frame_id` of the other.
         """
         if not isinstance(other, Transform):
-            return NotImplemented
+            raise TypeError(f'@ takes a Transform, got {described(other)}; for points, write '
+                            'transform.apply(points)')
         if self.child_frame_id != other.frame_id:
             raise ValueError(
                 f'cannot compose {self.frame_id!r} from {self.child_frame_id!r} with '

@@ -23,6 +23,8 @@ _NOTHING = 'missing', 'silence'
 _TIMES = 'past', 'future'
 _SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, as a static one '
                '(StaticTransformBroadcaster, or is_static=True).')
+#: By unit of time: its length (ns).
+_UNITS = {'s': SECOND, 'ms': 1_000_000, 'µs': 1000}
 SIM_TIME = 'Set use_sim_time in all nodes, or in none.'
 PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
 PLAY = 'Play the bag with --clock, and set use_sim_time.'
@@ -71,9 +73,14 @@ def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
         yield Evidence('The time is a Duration')
 
 
+def _takes_dates(facts: Facts, time: int) -> bool:
+    """Return whether a user inserts stamps in ns, and a time (ns) is a date, not simulated."""
+    return facts.buffer.takes_ns and time > SINCE_START
+
+
 @_own_rule('time_in_seconds', 'Pass times in ns.', 'past', ['past'])
 def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
-    for unit, size in ('s', SECOND), ('ms', SECOND // 1000):
+    for unit, size in _UNITS.items():
         if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * size <= facts.edge.latest:
             yield Evidence(f'{facts.time} {unit} is within the data, {facts.time} ns is not')
 
@@ -81,10 +88,9 @@ def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
 @_own_rule('stamps_in_seconds', 'Insert stamps in ns.', 'future', ['future'])
 def _stamps_in_seconds(facts: Facts) -> Iterator[Evidence]:
     oldest, latest = facts.edge.oldest, facts.edge.latest
-    for unit, size in ('s', SECOND), ('ms', SECOND // 1000):
+    for unit, size in _UNITS.items() if _takes_dates(facts, facts.time) else ():
         # Stamps in ns that are read in another unit are years apart.
-        if facts.buffer.takes_ns and 0 < oldest * size <= facts.time < (latest + 1) * size and (
-                (latest - oldest) * size <= DAY):
+        if oldest * size <= facts.time < (latest + 1) * size and (latest - oldest) * size <= DAY:
             yield Evidence(f'That time is within the data if their stamps are in {unit}')
 
 
@@ -222,11 +228,14 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     is_cause = (edge.is_refusing and facts.time <= edge.latest + OTHER_CLOCK
                 if facts.symptom == 'future' else facts.time <= edge.refused_stamp + RECENT)
     if edge.refused and is_cause:
+        unit = next((unit for unit, size in _UNITS.items() if _takes_dates(facts, edge.latest)
+                     and abs(edge.refused_stamp * size - edge.latest) < DAY), '')
         old, new = map(around.node_of, (edge.refused_authority, edge.authority))
         yield Evidence(
             f'{_refused(edge.refused, edge.child, [old])}, since one at {exact_time(edge.latest)}'
             f'{_of("from", [new])} is newer by more than the cache time',
-            {'remedy': PLAY if _is_played(facts) else SIM_TIME if _is_simulation(
+            {'remedy': f'Insert stamps in ns, not in {unit}.' if unit else
+             PLAY if _is_played(facts) else SIM_TIME if _is_simulation(
                 facts, edge.latest) else 'Clear the buffer; if it happens again, let only one '
              'node send it.' if around.topics else 'If data come again, or not in the order of '
              'their stamps, pass a longer cache_time to the buffer; else clear it.'})

@@ -1,5 +1,6 @@
 """Times (ns) as seconds and as text."""
 
+from operator import index
 from typing import Any
 
 #: One second (ns).
@@ -52,5 +53,4 @@ def _integer(time: Any) -> int:
     kind = getattr(getattr(time, 'dtype', None), 'kind', '')  # numpy need not be there
     if time != time:
         raise ValueError('time must be valid, got NaT')
-    integer: int = int(time.astype(f'{kind}8[ns]')) if kind in ('M', 'm') else time
-    return integer
+    return int(time.astype(f'{kind}8[ns]')) if kind in ('M', 'm') else index(time)

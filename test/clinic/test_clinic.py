@@ -86,8 +86,8 @@ EDGE = Edge('map', 'base', 9, S, 9 * S, 10 * S, True)
 #: Rules for what a world does not have.
 DIRECT = [
     (Facts('past', Surroundings(), Frames(takes_ns=True), time=5, edge=EDGE), 'time_in_seconds'),
-    (Facts('future', Surroundings(), Frames(takes_ns=True), time=5 * S,
-           edge=EDGE._replace(oldest=1, latest=9)), 'stamps_in_seconds'),
+    (Facts('future', Surroundings(), Frames(takes_ns=True), time=S * S,
+           edge=EDGE._replace(oldest=S - 1, latest=S)), 'stamps_in_seconds'),
     (Facts('past', Surroundings(), time=5, edge=EDGE, is_duration=True), 'time_is_duration'),
     (Facts('past', Surroundings(), time=5, edge=EDGE._replace(is_full=True)), 'cache_too_short'),
     (Facts('missing', Surroundings(), Frames(missing_part='A part is missing: read a.')),

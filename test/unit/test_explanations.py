@@ -65,10 +65,13 @@ def test_an_error_survives_what_it_asks(buffer):
     assert str(error_of(buffer, T + 1)).endswith(FUTURE)
 
 
-@pytest.mark.parametrize('unit', ['s', 'ms'])
+UNITS = {'s': S, 'ms': 1_000_000, 'µs': 1000}
+
+
+@pytest.mark.parametrize('unit', UNITS)
 @pytest.mark.parametrize(('seconds', 'is_told'), [(0, True), (-1, True), (-2, False), (1, False)])
 def test_a_time_in_seconds_is_told(buffer, seconds, is_told, unit):
-    time = (T // S + seconds) * (1 if unit == 's' else 1000)
+    time = (T // S + seconds) * (S // UNITS[unit])
     error = error_of(buffer, time)
     assert error.causes == ('time_in_seconds',) * is_told
     assert (f'{time} {unit} is within the data, {time} ns is not.' in str(error)) == is_told
@@ -89,7 +92,7 @@ def test_the_remedies_for_a_buffer_without_a_listener(stamps, code, remedy):
     assert buffer.can_transform('map', 'base', T - S)
 
 
-@pytest.mark.parametrize(('unit', 'size'), [('s', S), ('ms', S // 1000)])
+@pytest.mark.parametrize(('unit', 'size'), UNITS.items())
 @pytest.mark.parametrize(('units', 'is_told'), [(-1, False), (0, True), (60, True), (61, False)])
 def test_stamps_in_seconds_are_told(unit, size, units, is_told):
     """They are integers, so that the last one may be almost a unit before the time."""
@@ -145,6 +148,19 @@ def test_what_was_refused_explains_no_other_time(buffer):
     assert error_of(buffer, T + OTHER_CLOCK + 1).causes == ()
     buffer.insert(T + S, 'map', 'base', STILL)
     assert error_of(buffer, T + 2 * S).causes == ()
+
+
+@pytest.mark.parametrize(('unit', 'size'), UNITS.items())
+def test_a_stamp_in_seconds_that_is_refused_is_told(buffer, unit, size):
+    """It is far before the data; of a simulation, it may be right."""
+    assert not buffer.insert(T // size, 'map', 'base', STILL)
+    error = error_of(buffer, T + S // 2)
+    assert error.causes == ('time_goes_back',)
+    assert f'Insert stamps in ns, not in {unit}.' in str(error)
+    simulated = TransformBuffer()
+    for stamp in 100 * S, 100 * S // size:
+        simulated.insert(stamp, 'map', 'base', STILL)
+    assert 'Insert stamps' not in str(error_of(simulated, 101 * S))
 
 
 def test_the_memory_of_facts_is_bounded(buffer):

@@ -89,6 +89,9 @@ def test_times_of_numpy():
     assert nanoseconds_or_int(np.timedelta64(-20, 'ms')) == -20_000_000
     assert exact_time(np.datetime64('2023-11-14T22:13:20')) == '1700000000.000000000'
     assert in_seconds(np.timedelta64(-20, 'ms')) == -0.02
+    for convert in exact_time, in_seconds:
+        with pytest.raises(TypeError, match="'float' object cannot be interpreted as an integer"):
+            convert(1.5)
     for convert in nanoseconds_or_int, exact_time, in_seconds:
         for kind in np.datetime64, np.timedelta64:
             with pytest.raises(ValueError, match='time must be valid, got NaT'):

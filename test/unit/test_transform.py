@@ -45,8 +45,8 @@ def test_only_transforms_that_meet_in_a_frame_are_composed():
     """The error names all four frames."""
     with pytest.raises(ValueError, match="'b' from 'c' with 'a' from 'b': 'c' and 'a' must"):
         _ = Transform(5, 'b', 'c') @ A_FROM_B
-    with pytest.raises(TypeError):
-        _ = A_FROM_B @ (1, 2)  # type: ignore[operator]
+    with pytest.raises(TypeError, match=r'for points, write transform\.apply\(points\)'):
+        _ = A_FROM_B @ np.ones(3)  # type: ignore[operator]
 
 
 vectors = st.tuples(*[st.floats(-10.0, 10.0)] * 3)
