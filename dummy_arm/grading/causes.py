@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from dummy_arm.grading.samples import Arm, Samples
 from dummy_arm.grading.sheet import BASE, FRAMES, JOINTS, SHEET, SheetFrame, Vector
-from dummy_arm.grading.sine import FASTEST, fit, Floats, Sine
+from dummy_arm.grading.sine import FASTEST, FEWEST, fit, fit_sine, Floats, Sine
+from puretf import SECOND
 from puretf._text.names import comma_list, shortened
 from puretf._text.similar_names import near_names
 
@@ -262,6 +263,21 @@ def of_silence(arm: Arm, name: str) -> str:
     else:
         return ''
     return recreation(arm) or cause
+
+
+def of_sum(arm: Arm, joint: SheetFrame) -> str:
+    """Say that a joint has the angle of its parent added to its sine; '' if it has not."""
+    own, parent = arm.samples[joint.name], arm.samples.get(joint.parent)
+    if not parent or len(own.stamps) < FEWEST or not np.array_equal(own.stamps, parent.stamps):
+        return ''
+    times = (own.stamps - own.stamps[0]) / SECOND
+    if times[-1] < LONG_ENOUGH:
+        return ''
+    rest = fit_sine(times, np.unwrap(own.angles - parent.angles))
+    is_sum = rest.is_exact and rest.periods > 1.0 and (
+        radians(3) < rest.amplitude < joint.limit + radians(1))
+    return (f'{joint.name} has the angle of {joint.parent} added: leave it out, since the angle '
+            'of a transform is in its parent.') if is_sum else ''
 
 
 def of_interval(name: str, interval: float) -> str:

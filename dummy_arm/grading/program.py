@@ -250,7 +250,7 @@ def _why_not_imported(error: str, folder: Path, original: Path) -> str:
     if not error.startswith(('AttributeError: ', 'ImportError: ', 'ModuleNotFoundError: ')):
         return ''
     if re.search(r"No module named '(rospy|roslib|tf)'", error):
-        return ': it is of ROS 1; import rclpy and tf2_ros'
+        return ': it is of ROS 1; import rclpy, tf2_ros or tf_transformations'
     for name in re.findall(r"'(\w+)[.']", error):
         for file in f'{name}.py', f'{name}/__init__.py':
             if (folder / file).is_file() and name not in ('dummy_arm', '__main__'):

@@ -129,9 +129,9 @@ def _base_on_tf_static(arm: Arm, *_: Any) -> Line:
     is_static = arm.samples[BASE.name].is_static
     if is_static.all():
         return Line('/tf_static')
-    return Line('on both' if is_static.any() else '/tf', (
-        'map → base_link is sent on /tf: use StaticTransformBroadcaster, which sends on '
-        '/tf_static.'), [BASE.name])
+    return Line(*('on both', 'map → base_link is sent on /tf, too: do not send it in the timer.')
+                if is_static.any() else ('/tf', 'map → base_link is sent on /tf: use '
+                'StaticTransformBroadcaster, which sends on /tf_static.'), [BASE.name])
 
 
 def _base_at_origin(arm: Arm, *_: Any) -> Line:
@@ -201,6 +201,8 @@ def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     span = float(np.ptp(samples.angles))
     measured = f'by {in_degrees(span)}'
     return Line(measured) if span >= _SMALLEST_MOTION else Line(measured, (
+        f'{joint.name} stands at its limit: the angle is limit * sin(speed * t), which goes back.'
+        if abs(samples.largest_angle - joint.limit) < _LIMIT_TOLERANCE else
         f'{joint.name} hardly moves: {causes.UNIT_OF_TIME} Or is a limit or a speed converted '
         'from degrees to radians twice?' if span > 0.0 else
         f'The angle of {joint.name} does not change: compute it in the callback of the timer, '
@@ -217,6 +219,8 @@ def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
         return Line(
             measured, 'The joint turns all the way round: the angle is in degrees where radians '
             'are needed, or it has no sine. Write radians(limit) * sin(speed * t).', [joint.name])
+    if cause := causes.of_sum(arm, joint):
+        return Line(measured, cause, [joint.name])
     return Line(measured, causes.of_excess(arm, joint))
 
 
@@ -239,6 +243,8 @@ def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Line:
             times, angles = ticks, np.unwrap(samples.angles)
             sine = fixed._replace(has_fixed_step=True)
     found = sine if sine.is_exact else None
+    if (not found or sine.periods < _SHORTEST_WAVE) and (cause := causes.of_sum(arm, joint)):
+        return Line(f'from {in_degrees(angles.min())} to {in_degrees(angles.max())}', cause)
     if sine.periods < _SHORTEST_WAVE:
         return _not_judged(causes.of_short_time(joint, sine), f'{sine.periods:.2f} periods', found)
     return Line(f'differs by {100 * sine.residual:.1f} % of the amplitude',

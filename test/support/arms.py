@@ -147,6 +147,11 @@ def _joint(number, angle, other=Arm.angle):
     return lambda self, joint, t: (angle if joint == number else other)(self, joint, t)
 
 
+def _added(self, joint, t):
+    """Return the angle of a joint and its parent, as if it were measured in base_link."""
+    return Arm.angle(self, joint - 1, t) + Arm.angle(self, joint, t)
+
+
 def _edge(number, quaternion):
     """Return a method that uses another function for the rotation of one edge."""
     return lambda self, edge, angle: (
@@ -196,6 +201,9 @@ WRONG = {
         'not the current': changed(stamp=lambda self, edge, now: now - 2 * S),
         'has no nanoseconds': changed(stamp=lambda self, edge, now: round(now, -9))},
     'base_link is on /tf_static': {
+        'do not send it in the timer': each(lambda topic, time, rows: [(topic, time, rows + [
+            rows[0]._replace(frame_id='map', child_frame_id='base_link', pose=(0.0,) * 6 + (1.0,))
+            ] * (topic == '/tf'))]),
         'use StaticTransformBroadcaster': changed(topics=('/tf',) * 5),
         'which sends on /tf_static': changed(
             topics=('/tf',) * 5, stamp=lambda self, edge, now: now * (edge > 0))},
@@ -229,6 +237,7 @@ WRONG = {
             topics=('/tf_static', '/tf', '/tf_static', '/tf', '/tf')),
         'twice': changed(limits=(45.0, radians(30.0), 60.0))},
     'joint_1 moves': {
+        'stands at its limit': changed(angle=_joint(1, lambda self, joint, t: radians(45.0))),
         'joint_1 is sent every 7 s': _with_period(7),
         'is t in seconds?': _in_unit(1e3)},
     'joint_3 moves': {'does not change': changed(angle=_joint(3, lambda self, joint, t: 0.5))},
@@ -238,6 +247,7 @@ WRONG = {
             rotation=lambda self, edge, angle: (0.0, 0.0, sin(angle), cos(angle))),
         'rounded': changed(limits=(45.3, 30.0, 60.0))},
     'joint_2 stays': {
+        'the angle of joint_1 added': changed(angle=_joint(2, _added)),
         'exceeded by 3.0°': changed(limits=(45.0, 33.0, 60.0)),
         'limit of joint_3': changed(limits=(45.0, 60.0, 30.0)),
         'twice as large as it should be. In the quaternion, use the half angle': changed(
@@ -251,10 +261,12 @@ WRONG = {
             t=lambda self, now: (now - BEGIN) // S),
         'is t in seconds?': _in_unit(1e-9),
         'too fast to see a wave: is t in seconds?': changed(speeds=(25.0, 30.0, 35.0), hertz=50)},
+    'joint_3 moves as a sine': {
+        'clipped': changed(angle=_joint(3, _clipped)),
+        'the angle of joint_2 added': changed(limits=(45.0, 30.0, 30.0), angle=_joint(3, _added))},
     'joint_2 moves as a sine': {
         'triangle': changed(**FIXED_STEP, angle=_joint(2, _triangle)),
         'is t in seconds?': _in_unit(1e-3)},
-    'joint_3 moves as a sine': {'clipped': changed(angle=_joint(3, _clipped))},
     'the joints have': {
         # At 10 Hz, steps of 30, 50 and 70 rad look like steps of -1.42, -0.27 and 0.88 rad.
         'much too fast: is t in seconds?': changed(

@@ -374,10 +374,13 @@ def test_a_file_that_hides_a_module(tmp_path, monkeypatch, program, file, hides)
         f'{file} of the hand-in hides the module {hides}: rename it' if hides else '')
 
 
+OF_ROS1 = ': it is of ROS 1; import rclpy, tf2_ros or tf_transformations'
+
+
 @on_linux
 @pytest.mark.parametrize(('program', 'reason'), [
-    ('import rospy', "'rospy' (line 1): it is of ROS 1; import rclpy and tf2_ros"),
-    ('import tf.transformations', "'tf' (line 1): it is of ROS 1; import rclpy and tf2_ros"),
+    ('import rospy', f"'rospy' (line 1){OF_ROS1}"),
+    ('import tf.transformations', f"'tf' (line 1){OF_ROS1}"),
     ('print(10**6 * 9 * "x")\n1 / 0', 'It fails: ZeroDivisionError: division by zero (line 2)'),
     ('import rclpy, tf2_ros', 'does it call rclpy.spin?'),
     ('import rospy2', "'rospy2' (line 1)")])
