@@ -38,18 +38,15 @@ def test_all_programs_use_the_names_of_tf2():
         assert not re.search(r'(?m)^\s*(import|from) dummy_arm', code)
 
 
-@pytest.mark.parametrize(('program', 'line'), [
-    ('blocking_wait', 'got transform'), ('async_wait', 'got transform from sonar'),
-    ('wait_in_callback', 'got transform'), ('frame_dumper', "  parent: 'robot'")])
-def test_a_program_that_waits(run, ros, program, line):
+def test_async_wait(run, ros):
     """The program waits until the transforms arrive over DDS, and then uses them."""
-    process = run(program)
+    process = run('async_wait')
     process.line_with('waiting')
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('robot', 'wheel'))
     broadcaster = TransformBroadcaster(ros.node)
     ros.node.create_timer(0.02, lambda: broadcaster.sendTransform(
         stamped('robot', 'sonar', ros.node.get_clock().now().nanoseconds)))
-    ros.until(lambda: f'{line}\n' in process.output)
+    ros.until(lambda: 'got transform from sonar\n' in process.output)
     assert 'Traceback' not in process.output
 
 
@@ -59,24 +56,6 @@ def test_static_broadcaster(run, lookup):
     pose = lookup('world', 'mystaticturtle')
     assert pose.translation.z == 1.0
     assert (pose.rotation.z, pose.rotation.w) == pytest.approx((0.5 ** 0.5, 0.5 ** 0.5))
-
-
-def test_an_added_frame(run, lookup):
-    """The frame that one program adds is connected to the frame that another one moves."""
-    run('dynamic_broadcaster')
-    run('fixed_frame')
-    turtle, carrot = lookup('world', 'turtle1'), lookup('turtle1', 'carrot1')
-    assert math.hypot(turtle.translation.x, turtle.translation.y) == pytest.approx(2.0)
-    assert math.hypot(carrot.translation.x, carrot.translation.y) == pytest.approx(2.0)
-    assert lookup('world', 'carrot1')
-
-
-def test_state_publisher(run, lookup):
-    """It imports TransformStamped from tf2_ros, as a tutorial does."""
-    run('state_publisher')
-    pose = lookup('odom', 'axis')
-    assert math.hypot(pose.translation.x, pose.translation.y) == pytest.approx(2.0)
-    assert pose.translation.z == 0.7
 
 
 def test_listener(run):
