@@ -14,37 +14,8 @@ from puretf_tools.robot import descriptions
 from puretf_tools.view.feed import LiveFeed
 
 
-@pytest.fixture
-def publication(ros, make_node):
-    """Return a function that publishes a frame by nodes until its delay and they are known."""
-    def publication(text, *names):
-        broadcasters = [TransformBroadcaster(make_node(name)) for name in names]
-        feed = LiveFeed(ros.node)
-
-        def send():
-            now = ros.node.get_clock().now().nanoseconds
-            for broadcaster in broadcasters:
-                broadcaster.sendTransform(stamped('map', 'robot', now))
-
-        def is_measured():
-            feed.watch(monotonic())
-            frames = feed.buffer.frames()
-            return any(delay is not None and publisher == text
-                       for delay, publisher in map(feed.publication, frames))
-
-        ros.node.create_timer(0.02, send)
-        ros.until(is_measured)
-
-    return publication
-
-
-def test_a_frame_of_two_nodes(publication):
-    """Both are named, and that there is more than one."""
-    publication('/a and /b (more than one publisher)', 'a', 'b')
-
-
 def test_a_node_that_has_stopped_sending_is_no_publisher(ros, make_node):
-    """Although it still runs: ten seconds later, by /clock."""
+    """Although it still runs: ten seconds later, by /clock, with which stamps are compared."""
     feed = LiveFeed(ros.node)
     clock = ros.node.create_publisher(Clock, '/clock', 10)
     broadcasters = [TransformBroadcaster(make_node(name)) for name in ('a', 'b')]
@@ -64,6 +35,9 @@ def test_a_node_that_has_stopped_sending_is_no_publisher(ros, make_node):
               and monotonic() > begin + 1.0)
     broadcasters.pop()
     ros.until(lambda: publishers() == {'/a'})
+    ros.until(lambda: publishers() and feed.verdict.endswith(
+        ' in the last 30 s; times are those of /clock, published by /test'))
+    assert 'other_clock' not in {each.code for each in feed.findings}
 
 
 def test_static_transforms_stay_known(ros, make_node):
@@ -108,30 +82,20 @@ def test_what_is_wrong_is_found(ros, make_node):
     assert ros.node.count_subscribers('/tf') == 1
 
 
-def test_a_simulation(ros):
-    """Stamps that fit /clock are compared with it."""
-    feed, begin = LiveFeed(ros.node), ros.node.get_clock().now().nanoseconds
-    clock = ros.node.create_publisher(Clock, '/clock', 10)
-    broadcaster = TransformBroadcaster(ros.node)
-
-    def send():
-        stamp = ros.node.get_clock().now().nanoseconds - begin + 100 * 10**9
-        clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
-        broadcaster.sendTransform(stamped('map', 'robot', stamp))
-
-    def is_found():
-        feed.watch(monotonic())
-        return feed.verdict.endswith(
-            ' in the last 30 s; times are those of /clock, published by /test')
-
-    ros.node.create_timer(0.02, send)
-    ros.until(is_found)
-    assert 'other_clock' not in {each.code for each in feed.findings}
-
-
-def test_a_middleware_that_does_not_report_gids(handles, publication):
+def test_a_middleware_that_does_not_report_gids(ros, make_node, handles):
     """The delay is that of all publishers of the topic."""
-    publication('unknown publisher', 'a', 'b')
+    feed = LiveFeed(ros.node)
+    broadcasters = [TransformBroadcaster(make_node(name)) for name in ('a', 'b')]
+
+    def is_measured():
+        for broadcaster in broadcasters:
+            broadcaster.sendTransform(
+                stamped('map', 'robot', ros.node.get_clock().now().nanoseconds))
+        feed.watch(monotonic())
+        return any(delay is not None and publisher == 'unknown publisher'
+                   for delay, publisher in map(feed.publication, feed.buffer.frames()))
+
+    ros.until(is_measured)
 
 
 @pytest.fixture
