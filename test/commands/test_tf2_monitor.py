@@ -48,20 +48,6 @@ def test_the_path_between_two_frames(arm_domain):
     assert (result.code, result.stderr) == (0, '')
 
 
-def test_late_transforms(ros, make_node):
-    """A node in a namespace publishes an hour late; the net delay of the path is as large."""
-    node = make_node('late', namespace='/robot', is_spun=True)
-    broadcaster = TransformBroadcaster(node)
-    node.create_timer(0.05, lambda: broadcaster.sendTransform(
-        stamped('map', 'odom', node.get_clock().now().nanoseconds - 3600 * S)))
-    with ros.spinning():
-        result = call(
-            main, 'map', 'odom', domain=ros.domain, until=lambda text: re.search(
-                r'Net delay     avg = 36\d\d\.\d{6} s: max = 36\d\d\.\d{6} s\n(.+\n|\n)*'
-                r'  odom  +\d+\.\d Hz +36\d\d\.\d{6} s +36\d\d\.\d{6} s  /robot/late\n', text))
-    assert result.code == 0
-
-
 def test_it_continues_when_something_is_missing(ros, monkeypatch):
     """It prints what is missing, once with the hint, and continues; a static path has no delay."""
     monkeypatch.setattr('puretf.transform_listener._DISCOVERY', 0.5)
