@@ -7,7 +7,6 @@ from typing import Any
 
 from cli_runner import call
 from environment import DATA
-from processes import tool
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
@@ -24,8 +23,6 @@ from puretf_tools.robot import state_publisher
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
 NAME = 'robot_state_publisher'
-ROBOT = """<robot name="r"><link name="base"/><link name="arm"/>
-<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
 
 
 def transforms_of(message):
@@ -222,31 +219,6 @@ def test_joints_without_a_position_are_named(domain_id, file, monkeypatch):
     monkeypatch.setattr(state_publisher, 'PATIENCE', 0.1)
     assert call(main, str(file), domain=domain_id, until=lambda text: (
         'no JointState message has been accepted yet' in text)).code == 0
-
-
-
-
-def test_a_process_publishes_until_a_signal(ros, start, file):
-    """A real process answers to another one, and ends with exit code 0."""
-    case = CASES['chain']
-    process = start(*tool(NAME, str(file)))
-    process.line_with('Robot initialized')
-    peer = Peer(ros)
-    assert_equal(transforms_of(peer.static[-1]), fixed(case, -1))
-    assert peer.texts == [case['urdf']]
-    second = 0
-
-    def is_answered():
-        nonlocal second
-        second += 1
-        peer.states.publish(joint_states(
-            [1_600_000_000 + second, 0], *(case['joint_states'][1][key]
-                                           for key in ('name', 'position'))))
-        return peer.tf
-
-    ros.until(is_answered)
-    assert_equal(transforms_of(peer.tf[-1]), answer(case, 1))
-    process.end_normally()
 
 
 @pytest.mark.parametrize('options', [[], ['--namespace', 'left', 'unused:=1'], [
