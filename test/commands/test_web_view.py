@@ -36,29 +36,6 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
     process.end_normally(signal.SIGTERM)
 
 
-def test_a_bag_without_ros(start, tmp_path):
-    """It is played, with the body of its robot; its transforms name no publisher."""
-    bags = pytest.importorskip('bags')
-    from viewer import Viewer
-    urdf = ('<robot name="box"><link name="base_link"><visual><geometry><box size="1 2 3"/>'
-            '</geometry></visual></link></robot>')
-    path = bags.make(tmp_path / 'robot', 'mcap', [*bags.walk(), (
-        '/robot_description', 100 * bags.S, bags.string(urdf), bags.STRING)])
-    process = start(*tool_without_ros('web_view', '--bag', str(path)))
-    viewer = Viewer(process.port())
-    viewer.until(lambda: '3 frames' in viewer.shown().get('status', ()))
-    viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
-    viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')
-    assert viewer.detail('publisher') == 'not recorded'
-    viewer.until(lambda: '102 transforms of 3 frames' in viewer.shown()['verdict'])
-    viewer.until(lambda: any('dimensions' in node for node in viewer.nodes.values()))
-    viewer.until(lambda: 'box on /robot_description: 1 of 1 links have a frame' in
-                 viewer.text('robot'))
-    viewer.close()
-    process.end_normally()
-    assert process.output.count('\n') == 1
-
-
 #: Code before that of `tool`: from 105 s on, a bag is read slowly, until there is a file `go`.
 SLOWLY = """
 from pathlib import Path
@@ -94,7 +71,7 @@ def slowly(start, tmp_path):
 
 
 def test_a_bag_is_shown_while_it_is_read(slowly, tmp_path):
-    """Its transforms appear at once; its length, findings and all of its time follow."""
+    """Its transforms appear at once, without ROS; its length, findings and all its time follow."""
     _, viewer = slowly()
     viewer.until(lambda: '3 frames' in viewer.shown().get('status', ()))
     viewer.until(lambda: 'reading robot: ' in viewer.shown('bar').get('reading', ''))

@@ -307,6 +307,7 @@ def lonely(bags, tmp_path):
 def test_robots_of_a_bag(lonely, namespace, expected):
     """The page has the bodies of its namespace only, and the findings about them."""
     feed = lonely(namespace)
+    assert {*map(feed.publication, feed.buffer.frames())} == {(None, 'not recorded')}
     assert {topic.removesuffix('/robot_description') for topic in feed.robots} == expected
     assert 'link_without_transform' in {each.code for each in feed.findings}
 
