@@ -17,7 +17,7 @@ from puretf import TransformBuffer
 from puretf._core.engine import engine_of
 from puretf._core.pose import Batch, Row
 from puretf._wire import cdr
-from puretf._wire.encoding import CDR, MalformedMessage, ROS1
+from puretf._wire.encoding import CDR, ROS1
 from puretf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
@@ -98,20 +98,6 @@ def test_a_layout_is_of_all_names():
     for _ in range(2):
         insert(buffer, reader, one, one, other, other, one)
     assert [frame.name for frame in buffer.frames()] == ['b', 'c', 'd']
-
-
-def test_malformed_messages_are_reported_and_the_others_inserted():
-    """Each malformed message is reported by an error whose text begins with its kind."""
-    good = cdr.pack([Row(T * S, 'a', 'b', STILL)])
-    errors: list[MalformedMessage] = []
-    buffer, reader = TransformBuffer(), MessageReader(errors.append)
-    bad = [b'', b'\0\1\0\0', good[:-1], good[:30], b'\0\7' + good[2:],
-           good[:4] + b'\xff\xff\xff\xff' + good[8:], b'\0\1\0\0' + bytes(3)]
-    insert(buffer, reader, good, *bad, good)
-    assert buffer.can_transform('a', 'b')
-    assert [str(error).partition(':')[0] for error in errors] == [
-        'unknown encoding', 'truncated', 'truncated', 'impossible count',
-        'unknown encoding', 'impossible count', 'truncated']
 
 
 def test_the_memory_for_layouts_is_bounded():
