@@ -21,7 +21,6 @@ import yaml
 
 from puretf import (
     ConnectivityException,
-    ExtrapolationException,
     LookupException,
     Transform,
     TransformBuffer,
@@ -70,20 +69,6 @@ def test_a_frame_in_itself_needs_not_be_known():
     assert buffer.can_transform('', '')
     with pytest.raises(LookupException):
         buffer.lookup_transform_full('x', T, 'x', T, 'x')
-
-
-def test_expires_after_the_cache_time():
-    """A transform as old as the cache time is accepted, and an older one is refused."""
-    buffer = TransformBuffer(2 * S)
-    put(buffer, 'a', 'b', T, 0.0)
-    put(buffer, 'a', 'b', T + 5 * S, 5.0)
-    assert x_at(buffer, 'a', 'b', T) == 0.0
-    assert put(buffer, 'a', 'b', T + 3 * S, 3.0)
-    with pytest.raises(ExtrapolationException, match='into the past'):
-        x_at(buffer, 'a', 'b', T)
-    assert not put(buffer, 'a', 'b', T + 3 * S - 1)
-    assert [(frame.oldest, frame.length, frame.latest, frame.arrived)
-            for frame in buffer.frames()] == [(T + 3 * S, 2, T + 5 * S, T + 3 * S - 1)]
 
 
 def test_clear_forgets_what_moves():
