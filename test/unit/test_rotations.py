@@ -173,16 +173,6 @@ def test_lengths_that_have_no_square(length):
     assert quaternion_slerp(quaternion, quaternion, 0.5) == pytest.approx(unit)
 
 
-def test_what_tf_transformations_gives():
-    """The examples in the documentation of tf_transformations have the same results."""
-    assert quaternion_from_euler(1, 2, 3, 'ryxz') == pytest.approx(
-        (0.310622, -0.718287, 0.444435, 0.435953), abs=1e-6)
-    assert euler_from_quaternion([0.06146124, 0, 0, 0.99810947]) == pytest.approx((0.123, 0, 0))
-    assert quaternion_about_axis(0.123, (1, 0, 0)) == pytest.approx(
-        (0.06146124, 0, 0, 0.99810947))
-    assert quaternion_multiply([1, -2, 3, 4], [-5, 6, 7, 8]) == (-44.0, -14.0, 48.0, 28.0)
-
-
 @given(angles, axes_of_turns, st.floats(1e-3, 1e3))
 def test_about_an_axis(angle, axis, length):
     """The axis may have any length; the result agrees with Rodrigues' formula."""
