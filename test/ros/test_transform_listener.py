@@ -349,25 +349,6 @@ def test_a_done_callback_may_wait_and_fail(sender, listen, log_lines):
 # Topics and their QoS
 
 
-def test_a_late_joiner_receives_static_transforms(ros, other, listen):
-    """Two publishers have sent them only once, before the listener starts."""
-    for node, child in (ros.node, 'a'), (other, 'b'):
-        StaticTransformBroadcaster(node).sendTransform(stamped(child=child))
-    buffer, _ = listen()
-    assert buffer.lookup_transform('a', 'b', LATEST, timeout=WAIT)
-
-
-def test_static_transforms_are_updated(ros, listen):
-    """The same broadcaster may update a static transform, and so may another one."""
-    buffer, _ = listen()
-    first, second = StaticTransformBroadcaster(ros.node), StaticTransformBroadcaster(ros.node)
-    for number, broadcaster in enumerate([first, first, second, first]):
-        broadcaster.sendTransform([stamped(child=f'other_{number}'), stamped(x=float(number))])
-        assert buffer.can_transform('map', f'other_{number}', LATEST, timeout=WAIT)
-        answer = buffer.lookup_transform('map', 'robot', LATEST)
-        assert answer.transform.translation.x == number
-
-
 def test_remappings_and_namespace_apply_as_with_tf2(ros, make_node, listen):
     """The names of the topics are absolute, and can be remapped."""
     buffer, listener = listen(node=make_node('n', namespace='/robot1', cli_args=[
