@@ -97,15 +97,6 @@ def test_point_transform(run, ros):
     assert 'Traceback' not in process.output
 
 
-def test_quaternions(run):
-    """A roll of 90 degrees, then a yaw of -90 degrees, is (s, -s, -s, c) with s = c = 1/2."""
-    process = run('quaternions')
-    assert process.exit_code() == 0, process.output
-    assert process.output == (
-        'The quaternion representation is 0.5000 -0.5000 -0.5000 0.5000.\n'
-        '1.5707 0.0000 -1.5707\n1.0 0.0 0.0 0.0\n1.0\n4\n')
-
-
 @pytest.mark.parametrize('arguments', [('dummy_arm.py',), ('-m', 'dummy_arm')])
 def test_the_program_of_the_course(start, lookup, arguments):
     """It is called dummy_arm.py; so does a program beside it find the package, not the program."""
