@@ -67,18 +67,6 @@ def test_listener(run):
     listener.line_with('distance 2.000')
 
 
-def test_time_travel(run):
-    """The turtle turns by 0.5 rad in 0.5 s, on a circle of radius 2 m: a chord of 0.99 m."""
-    run('dynamic_broadcaster')
-    travel = run('time_travel')
-    # The newest pose of the turtle is older than the time of the lookup by some hundredths of 1 s,
-    # or by more if the turtle has just been slow.
-    chord = pytest.approx(4 * math.sin(0.25), abs=0.1)
-    while not ((found := re.fullmatch(r'moved (.*) m\n', travel.line()))
-               and float(found[1]) == chord):
-        pass
-
-
 def test_point_transform(run, ros):
     """A point of a sensor is transformed in the callback that receives it."""
     process = run('point_transform')
