@@ -11,7 +11,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from ros_node import point, stamped
 
-from puretf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf import StaticTransformBroadcaster
 
 PROGRAMS = ROOT / 'test' / 'support' / 'tf2_ros_programs'
 
@@ -36,18 +36,6 @@ def test_all_programs_use_the_names_of_tf2():
     for code in programs.values():
         assert re.search(r'(?m)^(import|from) tf2?_', code)
         assert not re.search(r'(?m)^\s*(import|from) dummy_arm', code)
-
-
-def test_async_wait(run, ros):
-    """The program waits until the transforms arrive over DDS, and then uses them."""
-    process = run('async_wait')
-    process.line_with('waiting')
-    StaticTransformBroadcaster(ros.node).sendTransform(stamped('robot', 'wheel'))
-    broadcaster = TransformBroadcaster(ros.node)
-    ros.node.create_timer(0.02, lambda: broadcaster.sendTransform(
-        stamped('robot', 'sonar', ros.node.get_clock().now().nanoseconds)))
-    ros.until(lambda: 'got transform from sonar\n' in process.output)
-    assert 'Traceback' not in process.output
 
 
 def test_static_broadcaster(run, lookup):
