@@ -34,13 +34,6 @@ def test_several_roots_and_a_loop_are_drawn():
     assert {line.split()[-1] for line in drawn[4:]} == {'x', 'y', 'z', 'twig'}
 
 
-def test_branches():
-    """The last child of a frame has a corner; lines go down beside other children."""
-    assert lines(Forest([static(*edge) for edge in (
-        ('a', 'map'), ('b', 'a'), ('c', 'b'), ('d', 'a'), ('e', 'map'))])) == [
-        'map', '├── a', '│   ├── b', '│   │   └── c', '│   └── d', '└── e']
-
-
 def test_the_branches_of_a_chain_are_cut_off():
     """From the hundredth level on, a line begins with its level; its indent grows no more."""
     first, *others = (line.branches for line in chain(5000).lines())
