@@ -1,7 +1,6 @@
 """The transformation of messages, and their conversion to other types."""
 
 from copy import deepcopy
-import math
 
 from clouds import cloud_of
 from geometry_msgs.msg import (
@@ -50,7 +49,6 @@ from puretf.geometry import (
 )
 from puretf.point_cloud2 import create_cloud, read_points, read_points_numpy
 
-HALF = math.sqrt(0.5)
 XYZ, XYZW = (1.0, 2.0, 3.0), (0.5, -0.5, 0.5, 0.5)
 STAMP = Time(seconds=7).to_msg()
 HEADER = Header(stamp=STAMP, frame_id='camera')

@@ -28,7 +28,6 @@ from puretf.publisher_listener import (
     UNKNOWN,
 )
 
-S = 10**9
 Publishers: Any = topic_watch.Publishers
 
 
