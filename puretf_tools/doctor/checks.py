@@ -98,7 +98,7 @@ def _same(code: str) -> tuple[str, str, str]:
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
     """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
     findings: list[Finding] = []
-    explained: list[tuple[Collection[str], set[str]]] = []  # codes, and names
+    named: dict[str, list[set[str]]] = {}  # by code: the names of each fault; an empty set: all
     for check in known(CHECKS.values(), observation.not_known):
         for fault in check.find(observation) if check.code not in ignored else ():
             rule = CHECKS[fault.code or check.code]
@@ -112,8 +112,10 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 rule.code, fault.severity or rule.severity, frames, topics, nodes, fault.evidence,
                 rule.remedy if fault.remedy == '' else fault.remedy or '', rule.section,
                 fault.time))
-            explained.append((rule.explains, {
-                *(frames or nodes if fault.scope is None else fault.scope)}))
+            named.setdefault(rule.code, []).append({
+                *(frames or nodes if fault.scope is None else fault.scope)})
+    explained = [(CHECKS[code].explains, set[str]().union(*names) if all(names) else set())
+                 for code, names in named.items()]
     return sorted((finding for finding in findings if not any(
         finding.code in codes and _is_among(finding, names, observation)
         for codes, names in explained)),

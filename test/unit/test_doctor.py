@@ -231,6 +231,9 @@ CASES = {
     'a scan with microseconds in nanosec': (
         [*robot(150), *(('/scan', at(i), ('laser', at(i) // S * S + at(i) % S // 1000))
                         for i in range(150))], {'nanosec'}),
+    'two late frames with microseconds in nanosec': (
+        robot(250, lambda i: {'delay': S, 'stamp': at(i) // S * S + at(i) % S // 1000}),
+        {'nanosec'}),
     'a huge quaternion': (
         with_pose(robot(), 7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e200)), {'unnormalized'}),
 }
