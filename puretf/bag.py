@@ -244,11 +244,12 @@ class Bag(AbstractContextManager['Bag']):
             yield from self._found(contents, start, stop)
         except BagError as error:
             path, namespace, partial, limit = self._about
-            rest = Contents(path, namespace, True, limit, True, others=contents.others)
-            if partial or not contents.damage or next(self._found(rest), None) is None:
+            if partial or not contents.damage:
                 raise
-            raise BagError(
-                f'{error} partial=True reads what is left.{see("damaged_bag")}') from None
+            rest = Contents(path, namespace, True, limit, True, others=contents.others)
+            has_rest = next(self._found(rest), None) is not None
+            remedy = ' partial=True reads what is left.' if has_rest else ''
+            raise BagError(f'{error}{remedy}{see("damaged_bag")}') from None
 
     def _found(self, contents: Contents, start: int = 0, stop: int = 2**63) -> Iterator[Record]:
         from puretf._bag.files import records
@@ -285,7 +286,7 @@ class Bag(AbstractContextManager['Bag']):
         damage, wrong_types = ' '.join(contents.damage[:SHOWN]), contents.wrong_types()
         if tf and not count and not (wrong_types and accepts_wrong_types):
             if damage:
-                raise BagError(f'no TF message can be read: {damage}')
+                raise BagError(f'no TF message can be read: {damage}{see("damaged_bag")}')
             part = f'. {self.missing_part}' if self.missing_part else ''
             raise BagError(f'{self.path} has no TF: {contents.why_no_tf()}{part}')
         if tf and wrong_types and not accepts_wrong_types:
