@@ -13,8 +13,8 @@ import threading
 from typing import Any, Optional, TYPE_CHECKING
 
 from puretf import exact_time, in_seconds
-from puretf._text.names import TF_MESSAGE, visible
-from puretf.bag import recordings
+from puretf._text.names import quoted, TF_MESSAGE, visible
+from puretf.bag import is_bag, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
 from puretf_tools.cli.progress import progress
@@ -48,8 +48,9 @@ def command(frame_a: Optional[str], frame_b: Optional[str], t: When, seconds: fl
             ros_args: Sequence[str]) -> int:
     """Print what is wrong with the transforms, or explain the path between two frames."""
     if frame_a and not frame_b:
+        note = f'; {quoted(frame_a)} is no bag' if bag and not is_bag(frame_a) else ''
         raise UsageError('give two frames to explain the path between them, or none to check '
-                         'everything')
+                         f'everything{note}')
     if t != LATEST and not frame_b:
         raise UsageError('-t needs two frames')
     try:

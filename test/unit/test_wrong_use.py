@@ -39,7 +39,8 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         'give two frames, or none to monitor all frames': ['map'],
         'a frame must have a name': ["map ''", '/ odom']},
     'tf_doctor': {
-        'give two frames': ['map'],
+        'or none to check everything': ['map', 'x.mcap --bag y.mcap'],
+        "or none to check everything; 'no_bag' is no bag": ['--bag x no_bag'],
         'a frame must have a name': ['map /'],
         '-t needs two frames': ['-t 5'],
         "unknown code 'gaps'. Nearest known: 'gap'": ['--ignore gaps'],
