@@ -270,15 +270,21 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
+    note = severity = remedy = ''
+    if observation.has_record_times and not any(track.is_static for track in observation.tracks):
+        note, severity = '; the bag has no static transforms', WARNING
+        remedy = (f'If static transforms lead to it, record {observation.topics[1]}, too, or read '
+                  'the part of the recording that has them; otherwise, publish a transform to it, '
+                  'or correct the name.')
     for frame, topics in observation.topics_of.items():
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
             is_no_place = _is_no_place(observation, frame)
             yield _Fault(f'{quoted(frame)} is in the headers on {listed(topics)}, but not among '
-                         f'the {len(known)} frames of the transforms. '
+                         f'the {len(known)} frames of the transforms{note}. '
                          f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
                          remedy='This is right if it is no place, as that of a joystick; '
-                         'otherwise, publish a transform to it.' if is_no_place else '',
-                         severity=INFO if is_no_place else '')
+                         'otherwise, publish a transform to it.' if is_no_place else remedy,
+                         severity=INFO if is_no_place else severity)
 
 
 def _is_no_place(observation: Observation, frame: str) -> bool:

@@ -758,7 +758,7 @@ def test_the_qos_that_rosbag2_writes(tmp_path):
 
 
 def test_a_missing_part(tmp_path):
-    """The first part is named; what it may have is not missed in the robot."""
+    """The first part is named, and what it may have is not missed; or it may be another file."""
     first, later = (bags.file_of(bags.make(tmp_path / name, 'mcap', in_order(content)))
                     for name, content in (('a', robot()), ('b', [*robot()[1:], *points(
                         '/scan', 'laser'), tf(0, 'world lamp'), *points('/lamp', 'lamp', 'arm')])))
@@ -772,6 +772,11 @@ def test_a_missing_part(tmp_path):
     assert [text for text in report.not_checked if text.startswith('unknown_frame, ')
             and text.endswith('several_trees: a part of the recording is missing or damaged')]
     assert 'unknown_frame' not in {each.code for each in examine([first, later]).findings}
+    renamed = {each.code: each for each in examine(later.rename(tmp_path / 'x.mcap')).findings}
+    unknown = renamed['unknown_frame']
+    assert (unknown.severity, unknown.remedy.partition(', too, or read the part')[0]) == (
+        'warning', 'If static transforms lead to it, record /tf_static')
+    assert 'of the transforms; the bag has no static transforms. ' in unknown.evidence
 
 
 @pytest.mark.parametrize('fault', ['not given', 'cut off', 'removed'])
