@@ -47,6 +47,7 @@ _FEW_SWITCHES, _SWITCHES = 2, 0.02
 _SETTLED = 2.0
 #: No timeout that is longer than this (s) is proposed.
 _LONGEST_TIMEOUT = 10.0
+_NO_STATIC = '; the bag has no static transforms'
 #: The codes of what is judged of stamps, and of the times of other messages.
 _OF_STAMPS = 'late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back'
 _WAITING = 'message_too_old', 'message_never', 'message_early'
@@ -270,12 +271,10 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
-    note = severity = remedy = ''
-    if observation.has_record_times and not any(track.is_static for track in observation.tracks):
-        note, severity = '; the bag has no static transforms', WARNING
-        remedy = (f'If static transforms lead to it, record {observation.topics[1]}, too, or read '
-                  'the part of the recording that has them; otherwise, publish a transform to it, '
-                  'or correct the name.')
+    lacks_static = _lacks_static(observation)
+    note, severity, remedy = ('', '', '') if not lacks_static else (
+        _NO_STATIC, WARNING, f'If static transforms lead to it, {lacks_static} publish a '
+        'transform to it, or correct the name.')
     for frame, topics in observation.topics_of.items():
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
             is_no_place = _is_no_place(observation, frame)
@@ -285,6 +284,14 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
                          remedy='This is right if it is no place, as that of a joystick; '
                          'otherwise, publish a transform to it.' if is_no_place else remedy,
                          severity=INFO if is_no_place else severity)
+
+
+def _lacks_static(observation: Observation) -> str:
+    """Return the begin of a remedy if a bag has no static transforms; else ''."""
+    return '' if not observation.has_record_times or any(
+        track.is_static for track in observation.tracks) else (
+            f'record {observation.topics[1]}, too, or read the part of the recording that has '
+            'them; otherwise,')
 
 
 def _is_no_place(observation: Observation, frame: str) -> bool:
@@ -344,8 +351,11 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
             names[name] = on[topic] = None
     for parts in ([*trees.values()] for trees in robots.values() if len(trees) > 1):
         texts = [f'{listed(names)} on {listed(on)}' for names, on in parts[:SHOWN]]
-        yield _Fault(f'headers use frames of {len(parts)} trees: {"; ".join(texts)}', (),
-                     chain(*(names for names, _ in parts)), [*chain(*(on for _, on in parts))])
+        fault = _Fault(f'headers use frames of {len(parts)} trees: {"; ".join(texts)}', (), [
+            *chain(*(names for names, _ in parts))], [*chain(*(on for _, on in parts))])
+        yield fault if not (lacks_static := _lacks_static(observation)) else fault._replace(
+            evidence=fault.evidence + _NO_STATIC, severity=WARNING, remedy='If static transforms '
+            f'connect them, {lacks_static} publish a transform between the trees.')
 
 
 @_check('volatile_listener', 'Use a TransformListener, or give the subscription the durability '

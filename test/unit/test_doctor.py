@@ -773,10 +773,11 @@ def test_a_missing_part(tmp_path):
             and text.endswith('several_trees: a part of the recording is missing or damaged')]
     assert 'unknown_frame' not in {each.code for each in examine([first, later]).findings}
     renamed = {each.code: each for each in examine(later.rename(tmp_path / 'x.mcap')).findings}
-    unknown = renamed['unknown_frame']
-    assert (unknown.severity, unknown.remedy.partition(', too, or read the part')[0]) == (
-        'warning', 'If static transforms lead to it, record /tf_static')
-    assert 'of the transforms; the bag has no static transforms. ' in unknown.evidence
+    for code, what in ('unknown_frame', 'lead to it'), ('disconnected', 'connect them'):
+        fault = renamed[code]
+        assert (fault.severity, fault.remedy.partition(', too, or read the part')[0]) == (
+            'warning', f'If static transforms {what}, record /tf_static')
+        assert '; the bag has no static transforms' in fault.evidence
 
 
 @pytest.mark.parametrize('fault', ['not given', 'cut off', 'removed'])
