@@ -540,6 +540,26 @@ def test_damaged_chunks(tmp_path, logs, damage):
     assert re.search(why, messages(logs))
 
 
+def test_a_damaged_chunk_without_checksums(tmp_path):
+    """It is left out as a whole, and its time is named, so that nobody is blamed."""
+    from mcap.reader import SeekingReader
+    path = bags.checked_mcap(tmp_path / 'x.mcap', enable_crcs=False)
+    whole, data, damaged = bags.content(path)[0], path.read_bytes(), 0
+    with path.open('rb') as file:
+        chunks = SeekingReader(file).get_summary().chunk_indexes[1:]
+    for begin, chunk in product(range(0, 600, 50), chunks):
+        at = chunk.chunk_start_offset + begin
+        path.write_bytes(data[:at] + bytes(40) + data[at + 40:])
+        with bag.open(path, partial=True) as opened:
+            found = [(each.topic.name, each.time) for each in opened.messages()]
+        if lost := [time for name, time, _ in whole if (name, time) not in found]:
+            damaged += 1
+            first, last = chunk.message_start_time, chunk.message_end_time
+            assert opened.missing_spans == [(first, last)]
+            assert first <= min(lost) <= max(lost) <= last
+    assert damaged >= 10
+
+
 def test_a_damaged_chunk_with_the_channels(tmp_path, logs):
     """The summary repeats them, so the other chunks are read; it tells how much is lost."""
     path = bags.checked_mcap(tmp_path / 'x.mcap')
