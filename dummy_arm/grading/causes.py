@@ -303,13 +303,13 @@ def of_wave(joint: SheetFrame, times: Floats, angles: Floats, sine: Sine) -> str
     triangle = np.column_stack([np.ones_like(times), np.arcsin(np.sin(phase))])
     if fit(triangle, angles)[1] / sine.amplitude < sine.residual / 2:
         return (f'{joint.name} moves at a constant speed to and fro, which is a triangle wave: '
-                'the angle is limit * sin(speed * t).')
+                'the angle must be limit * sin(speed * t).')
     steps = abs(np.diff(angles)) / (high - low)
     if sine.speed > _OTHER_UNIT * joint.speed or (
             sine.residual > 1.0 and np.median(steps) > _LARGE_STEP):
         return too_fast
     how = 'jumps' if steps.max() > 0.3 else 'is not a sine of the time'
-    return f'The angle of {joint.name} {how}: it is limit * sin(speed * t).'
+    return f'The angle of {joint.name} {how}: it must be limit * sin(speed * t).'
 
 
 def of_short_time(joint: SheetFrame, sine: Sine) -> str:

@@ -201,7 +201,7 @@ def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     span = float(np.ptp(samples.angles))
     measured = f'by {in_degrees(span)}'
     return Line(measured) if span >= _SMALLEST_MOTION else Line(measured, (
-        f'{joint.name} stands at its limit: the angle is limit * sin(speed * t), which goes back.'
+        f'{joint.name} stands at its limit: write limit * sin(speed * t), which goes back.'
         if abs(samples.largest_angle - joint.limit) < _LIMIT_TOLERANCE else
         f'{joint.name} hardly moves: {causes.UNIT_OF_TIME} Or is a limit or a speed converted '
         'from degrees to radians twice?' if span > 0.0 else

@@ -102,7 +102,8 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         fault = '' if report.passed else observer.listener.wrong_type_hint()
         if not observer.publishers:
             fault = _other_domain(domain) or fault
-        fault = _arm_of_package(observer) or fault
+        if ours := _arm_of_package(observer):
+            return Grade(file, None, ours, Verdict.NOT_OK)
         if not observer.messages and not fault and (nodes := observer.lifecycle_nodes()):
             fault = f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?'
     finally:
@@ -120,8 +121,7 @@ def _arm_of_package(observer: Observer) -> str:
         with suppress(OSError):  # it has ended
             line = os.fsdecode(Path(f'/proc/{pid}/cmdline').read_bytes())
             if any(map(_OURS.fullmatch, line.split('\0'))):
-                return (f'dummy_arm of this package publishes (PID {pid}), which it starts: the '
-                        'arm must be its own.')
+                return 'It starts dummy_arm of this package: the arm must be its own.'
     return ''
 
 

@@ -254,7 +254,7 @@ WRONG = {
             rotation=_edge(2, lambda angle: (0.0, 0.0, sin(angle), cos(angle))))},
     'joint_1 moves as a sine': {
         'triangle': changed(angle=_joint(1, _triangle)),
-        'jumps: it is limit * sin(speed * t)': changed(angle=_joint(1, _bounded)),
+        'jumps: it must be limit * sin(speed * t)': changed(angle=_joint(1, _bounded)),
         'not a sine': changed(angle=_joint(
             1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))),
         'joint_1 changes only once a second: is t in whole seconds?': changed(

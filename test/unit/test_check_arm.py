@@ -352,6 +352,9 @@ def test_a_hand_in_whose_arm_may_be_right(tmp_path):
         assert_not_judged(archive, 'unpack it')
         shutil.unpack_archive(archive, folder)
         assert_judged(folder)
+        (folder / 'ann').mkdir()
+        (folder / 'dummy_arm.py').rename(folder / 'ann' / 'dummy_arm.py')
+        assert_judged(folder)
 
 
 @on_linux
