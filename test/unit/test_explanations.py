@@ -173,3 +173,11 @@ def test_the_memory_of_facts_is_bounded(buffer):
     assert sum(bool(facts.refusals(f'bad_{i}')) for i in range(2000)) == 1000
     buffer.clear()
     assert not facts.refusals('bad_0')
+
+
+def test_errors_of_methods_that_take_no_time(buffer):
+    """None blames a time."""
+    for method, *names in (buffer.chain, 'map', 'bas'), (buffer.remove, 'bas'):
+        with pytest.raises(TransformException) as raised:
+            method(*names)
+        assert raised.value.causes == ()
