@@ -28,6 +28,8 @@ _STALLED, _PERIODS = SECOND, 3
 #: Stamps that alternate between two clocks go back by more than this (ns), more often than this,
 #: and for more than this part of the messages.
 _TURN, _FEW_TURNS, _TURNS = 5 * SECOND, 3, 0.05
+#: Messages come in groups if more than this part of the steps is longer than `GAP` periods.
+_GROUPS = 0.3
 #: If the nanoseconds of stamps are all below the first number, while delays differ by more than
 #: the second one (ns), at this rate (Hz) or more, they are another unit.
 _FIRST_PART, _SPREAD, _LEAST_RATE = SECOND // 5, SECOND // 2, 5.0
@@ -116,6 +118,8 @@ class Stream:
         self.period = float(np.median(forward)) if self.steps else 0.0  #: their median (ns)
         #: The indices of the stamps before gaps.
         self.gaps = np.flatnonzero(steps > GAP * max(self.period, _SHORTEST_PERIOD))
+        if len(self.gaps) > _GROUPS * self.steps:  # as of two publishers: between groups of them
+            self.gaps = np.flatnonzero(steps > GAP * np.median(steps[self.gaps]))
         if (steps < 0).any():  # after a step back, other stamps can fill a step
             ordered = np.sort(self.stamps)
             is_filled = ordered.searchsorted(self.stamps[self.gaps], 'right') < (

@@ -757,6 +757,15 @@ def test_the_qos_that_rosbag2_writes(tmp_path):
         assert [each.code for each in examine(path).findings] == ['static_not_latched'] * count
 
 
+@pytest.mark.parametrize('shift', [1, 3, 9])
+def test_two_publishers_that_are_not_recorded(tmp_path, shift):
+    """The frame jumps, whatever the time between their stamps; there are no gaps."""
+    sent = [static('map odom'), *(tf(i, 'odom base_link', x=x, stamp=at(i) + x * shift * MS)
+                                  for i in range(100) for x in (0, 1))]
+    report = examine(bags.make(tmp_path, 'mcap', in_order(sent)))
+    assert [finding.code for finding in report.findings] == ['jump']
+
+
 def test_a_missing_part(tmp_path):
     """The first part is named, and what it may have is not missed; or it may be another file."""
     first, later = (bags.file_of(bags.make(tmp_path / name, 'mcap', in_order(content)))
