@@ -109,8 +109,12 @@ class Contents:
         if end > 0:
             self.begin, self.end = min(self.begin or begin, begin), max(self.end, end)
 
-    def add_damage(self, error: Exception) -> None:
-        """Note an error in the file if `partial` is True; else, raise a BagError."""
+    def add_damage(self, error: Exception, span: Optional[tuple[int, int]] = None) -> None:
+        """
+        Note an error in the file if `partial` is True; else, raise a BagError.
+
+        `span` is the first and the last time of what is lost, where the file says it.
+        """
         if isinstance(error, BagError):
             raise error
         text = error_line(error)
@@ -118,7 +122,10 @@ class Contents:
         if not self._partial:
             name = '' if self.file == self._path else f'{visible(self.file.name)}: '
             raise BagError(f'{self._path} cannot be read: {name}{text}') from None
-        self.has_lost = True
+        if span:
+            self.missing_spans.append(span)
+        else:
+            self.has_lost = True
 
     def wrong_types(self) -> str:
         """Name the topics of TF that have another type; return '' if there are none."""

@@ -98,10 +98,8 @@ class McapFile:
             try:
                 waiting += [*filter(None, map(self._found, self._wanted(file, chunk)))]
             except Exception as error:  # a damaged chunk is left out as a whole
-                self._contents.add_damage(error)
-                self._contents.missing_spans.append(
-                    (chunk.message_start_time, chunk.message_end_time))
-                self._contents.has_lost = False
+                self._contents.add_damage(
+                    error, span=(chunk.message_start_time, chunk.message_end_time))
             waiting.sort(key=_time)
         yield from waiting
         for number, topic in self._topics.items():
