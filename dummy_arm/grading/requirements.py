@@ -129,9 +129,11 @@ def _base_on_tf_static(arm: Arm, *_: Any) -> Line:
     is_static = arm.samples[BASE.name].is_static
     if is_static.all():
         return Line('/tf_static')
-    return Line(*('on both', 'map → base_link is sent on /tf, too: do not send it in the timer.')
-                if is_static.any() else ('/tf', 'map → base_link is sent on /tf: use '
-                'StaticTransformBroadcaster, which sends on /tf_static.'), [BASE.name])
+    if is_static.any():
+        return Line('on both', 'map → base_link is sent on /tf, too: do not send it in the timer.',
+                    [BASE.name])
+    return Line('/tf', 'map → base_link is sent on /tf: use StaticTransformBroadcaster, which '
+                'sends on /tf_static.', [BASE.name])
 
 
 def _base_at_origin(arm: Arm, *_: Any) -> Line:
