@@ -560,6 +560,22 @@ def test_a_damaged_chunk_without_checksums(tmp_path):
     assert damaged >= 10
 
 
+def test_a_damaged_chunk_behind_a_missing_part(tmp_path):
+    """Both spans are named."""
+    from mcap.reader import SeekingReader
+    first = bags.mcap(tmp_path / 'robot_0.mcap', HEADER)
+    path = bags.checked_mcap(tmp_path / 'robot_2.mcap', enable_crcs=False)
+    with path.open('rb') as file:
+        chunk = SeekingReader(file).get_summary().chunk_indexes[0]
+    data, at = path.read_bytes(), chunk.chunk_start_offset + 250  # the first message
+    path.write_bytes(data[:at] + bytes(40) + data[at + 40:])
+    with bag.open([first, path], partial=True) as opened:
+        times = [each.time for each in opened.messages()]
+    assert opened.missing_spans == [
+        (chunk.message_start_time, chunk.message_end_time), (times[0], times[1])]
+    assert times[0] == S < chunk.message_start_time <= chunk.message_end_time < times[1]
+
+
 def test_a_damaged_chunk_with_the_channels(tmp_path, logs):
     """The summary repeats them, so the other chunks are read; it tells how much is lost."""
     path = bags.checked_mcap(tmp_path / 'x.mcap')
