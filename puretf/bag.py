@@ -199,7 +199,7 @@ class Bag(AbstractContextManager['Bag']):
              on_message: Optional[Callable[[BagMessage], object]] = None,
              buffer: Optional[TransformBuffer] = None) -> TransformBuffer:
         """
-        Read the transforms into a buffer; the other arguments are those of `messages`.
+        Read the transforms into a buffer; `headers` and `others` are those of `messages`.
 
         :param cache_time: how long transforms are kept (ns); None: there is no limit.
         :param max_samples: the largest number of dynamic transforms that are kept; None: there is

@@ -34,7 +34,11 @@ class TransformException(Exception):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The codes of the causes that the text names, as those of `tf_doctor --json`."""
+        """
+        The code of the cause that the text names; empty if none is certain.
+
+        `tf_doctor --explain CODE` explains it, and docs/troubleshooting.md lists the codes.
+        """
         str(self)
         return self._causes
 

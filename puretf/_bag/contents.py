@@ -63,6 +63,8 @@ class Contents:
     def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int, tf: bool = False,
                  headers: bool = False, others: Collection[Other] = ()) -> None:
         """Find nothing yet; see `Bag.messages`."""
+        if isinstance(others, str):
+            raise TypeError(f"others must be a list, such as ['/scan'], got {others!r}")
         self._path, self._partial, self.max_bytes = path, partial, max_bytes
         self.file = path  #: what is being read
         self._namespace = namespace_path(namespace)

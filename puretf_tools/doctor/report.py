@@ -65,7 +65,7 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
 
     :param observed: an open bag, or the path of one, as for `puretf.bag.open`; or an
         `Observation`, such as one of a live system. The robots whose descriptions a bag has are
-        checked, too; this needs urdf_parser_py.
+        checked, too.
     :param ignore: the codes of the checks to skip.
     :raises ValueError: if a code is unknown.
     :raises BagError: if the bag cannot be read, or has no topic with transforms.

@@ -4,12 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
+from puretf._causes.lookups import RULES
 from puretf._text.names import SECTIONS
 from puretf._text.similar_names import suggest_names
 from puretf_tools.doctor.checks import CHECKS
 from puretf_tools.inspection.terminal import columns, wrapped
 
 _HERE = Path(__file__).resolve()
+#: What has a code: causes of errors, and findings.
+_CODES = {**RULES, **CHECKS}
 #: The page is installed beside this module (see setup.py); in a checkout, it is in docs/.
 _PAGES = _HERE.with_suffix('.md'), _HERE.parents[2] / 'docs' / 'troubleshooting.md'
 
@@ -18,18 +21,18 @@ def explained(words: str) -> str:
     """
     Return the sections that some words mean; without words, the names of all.
 
-    The words are a short name, the code of a finding, or words of headings.
+    The words are a short name, the code of a cause or finding, or words of headings.
 
     :raises ValueError: if they mean none.
     """
     if not words:
         return '\n'.join(columns([*SECTIONS.items()]))
-    found = [words] if words in SECTIONS else [CHECKS[words].section] if words in CHECKS else [
+    found = [words] if words in SECTIONS else [_CODES[words].section] if words in _CODES else [
         name for name, heading in SECTIONS.items()
         if all(word in heading.lower() for word in words.lower().split())]
     if not found:
         raise ValueError(f'no section explains {words!r}. '
-                         f'{suggest_names(words, (*SECTIONS, *CHECKS), "names")}')
+                         f'{suggest_names(words, (*SECTIONS, *_CODES), "names")}')
     return '\n\n'.join('\n'.join(_section(SECTIONS[name])) for name in found)
 
 

@@ -94,6 +94,13 @@ def test_a_window_without_tf(tmp_path, kind, window):
         next(opened.messages(start=start, stop=stop))
 
 
+def test_one_topic_in_place_of_a_list(tmp_path):
+    """It is not taken for damage of the bag."""
+    path = bags.make(tmp_path, PLAIN[0], [('/scan', S, bags.point('map'), POINT)])
+    with bag.open(path) as opened, pytest.raises(TypeError, match=r"such as \['/scan'\]"):
+        next(opened.messages(others='/scan'))
+
+
 def decoded(path, name, **kwargs):
     """Return the topic and the text of each string."""
     return [(message.topic.name, text.data) for message in bags.messages(

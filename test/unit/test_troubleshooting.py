@@ -98,6 +98,12 @@ def test_the_table_has_all_symptoms():
     assert codes_of('Other faults') == {*re.findall('`([a-z_0-9]+)`', others)}
 
 
+def test_the_page_lists_the_codes_of_causes():
+    """In alphabetical order, as those of `error.causes`."""
+    listed = PAGE.split('The codes of causes are ')[1].split('. ')[0]
+    assert re.findall('`(.*?)`', listed) == sorted(RULES)
+
+
 @pytest.mark.parametrize('heading', PROVOKED)
 def test_a_symptom_leads_to_its_section(logs, heading):
     """The error or the finding has the words of the symptom, and names the section."""
@@ -142,6 +148,7 @@ def test_a_section_as_text(capsys, heading):
     (['extrapolation'], ['Extrapolation into the future', 'Extrapolation into the past']),
     (['future'], ['Extrapolation into the future']),  # the name, and not the code of a finding
     (['one_shot'], ['Only one time is in the buffer']),
+    (['cache_too_short'], ['Extrapolation into the past']),  # of a cause only
     (['message_too_old'], ['Messages are earlier than all data in the cache']),
     (['loop'], ['Other faults'])])
 def test_words_and_codes_lead_to_sections(capsys, words, headings):
