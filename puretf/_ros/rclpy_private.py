@@ -41,7 +41,7 @@ _Taken = tuple[bytes, str, int, int]
 RCLError = _rclpy.RCLError
 #: WaitSet(subscriptions, guard conditions, timers, clients, services, events, context), with the
 #: methods clear_entities, add_subscription, add_guard_condition and wait(timeout in ns).
-WaitSet = _rclpy.WaitSet
+WaitSet: Any = getattr(_rclpy, 'WaitSet', None)  # None: see `missing_part`
 #: Returns a message, as bytes if its argument `raw` is True, and its info; None if there is no
 #: message. `install` replaces the method in rclpy, but not here.
 _take_message = _rclpy.Subscription.take_message

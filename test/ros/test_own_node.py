@@ -61,6 +61,19 @@ def test_each_part_may_be_missing(ros, monkeypatch, capfd, name):
     assert line.startswith(f'differs from 7.1 and 9.1 in {name}. So transforms ')
 
 
+@pytest.mark.parametrize('name', ['WaitSet', 'EventHandle'])
+def test_a_class_may_be_gone(start, name):
+    """Importing this package needs none of them."""
+    process = start('-c', f"""
+from rclpy.impl.implementation_singleton import rclpy_implementation
+del rclpy_implementation.{name}
+import puretf.publisher_listener
+from puretf._ros.rclpy_private import missing_part
+print(missing_part())""")
+    assert process.exit_code() == 0, process.output
+    assert process.output == f'the compiled {name}\n'
+
+
 def test_a_listener(ros, make_node, remapped):
     """Remapping applies; the listener and its node end with the node of the user."""
     buffer = Buffer(node=remapped)
