@@ -1,9 +1,10 @@
 """What is drawn of frames: their axes, lines to their parents, and the trail of one."""
 
 from collections.abc import Collection, Mapping
-from typing import NamedTuple, Union
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puretf import SECOND
 from puretf_tools.inspection.gaps import AnyBuffer
@@ -66,58 +67,32 @@ def rounded(values: Floats) -> Floats:
     return np.asarray(np.round(values / _FINEST) * _FINEST)
 
 
-class Track:
-    """Poses over time: (n, 7), x, y, z (m), quaternion; each call adds those that are new."""
-
-    def __init__(self, buffer: AnyBuffer) -> None:
-        self._buffer = buffer
-        self._key: object = ()
-        self.times, self.poses = np.empty(0, np.int64), np.empty((0, 7))
-
-    def extend(self, target: str, frame: str, begin: int, end: int, step: int = STEP) -> None:
-        """Let `times` (ns) go from `begin` to `end`; of `poses`, unknown ones are NaN."""
-        key, times = (target, frame, step), self.times
-        if key != self._key or (len(times) and not (
-                begin <= times[-1] <= end and times[0] <= begin + step)):
-            self._key, times, self.poses = key, times[:0], self.poses[:0]
-        new = np.arange(times[-1] + step if len(times) else begin, end + 1, step, dtype=np.int64)
-        translations, rotations, _ = self._buffer.lookup_transforms(target, frame, new)
-        times = np.append(times, new)
-        poses = np.concatenate([self.poses, np.column_stack([translations, rotations])])
-        self.times, self.poses = times[times >= begin], poses[times >= begin]
+def poses_over_time(buffer: AnyBuffer, target: str, frame: str, begin: int, end: int,
+                    step: int = STEP) -> tuple[NDArray[np.int64], Floats]:
+    """Return times (n,) (ns), and poses (n, 7): x, y, z (m), quaternion; unknown ones are NaN."""
+    times = np.arange(begin, end + 1, step, dtype=np.int64)
+    translations, rotations, _ = buffer.lookup_transforms(target, frame, times)
+    return times, np.column_stack([translations, rotations])
 
 
-class Trail:
+def trail(buffer: AnyBuffer, placement: Placement, name: str, display: Display) -> Pieces:
     """
-    The path over the last `LENGTH` seconds, in pieces, of which only the newest one grows.
+    Return the pieces of the path of a placed frame over the last `LENGTH` seconds.
 
-    It is a little longer, since whole pieces are dropped.
+    It is a little longer, since whole pieces are dropped: only the newest one changes.
+
+    :returns: lines in the scene, the oldest piece first; none at unknown times, and none if the
+        frame is not drawn.
     """
-
-    def __init__(self, buffer: AnyBuffer) -> None:
-        self._track = Track(buffer)
-
-    def draw(self, target: str, frame: str, end: int, point: Floats,
-             shift: Union[Floats, float] = 0.0) -> Pieces:
-        """
-        Return the pieces of the path, the oldest first; each call can add points to it.
-
-        :param point: (3,): the position at the time `end` (ns), x, y, z (m).
-        :param shift: the position of the target in the scene (m).
-        :returns: lines in the scene, none at unknown times.
-        """
-        self._track.extend(target, frame, max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE), end)
-        points = np.concatenate([self._track.poses[:, :3], [point]]) + shift
-        lines = np.stack([points[:-1], points[1:]], axis=1)
-        known = (np.abs(lines) <= REACH).all(axis=(1, 2))
-        numbers, begins = np.unique(self._track.times[known] // _PIECE, return_index=True)
-        return dict(zip(numbers.tolist(), np.split(lines[known], begins[1:])))
-
-    def pieces(self, placement: Placement, name: str, display: Display) -> Pieces:
-        """Draw the trail of a placed frame in the scene; none if the frame is not drawn."""
-        if name not in display.shown(placement):
-            return {}
-        i = placement.names.index(name)
-        anchor = placement.anchors[i]
-        return self.draw(anchor, name, placement.stamps[i], placement.poses[i, :3],
-                         np.array([0.0, placement.trees[anchor], 0.0]) - placement.origin)
+    if name not in display.shown(placement):
+        return {}
+    i = placement.names.index(name)
+    anchor, end = placement.anchors[i], placement.stamps[i]
+    begin = max(1, (end - LENGTH * SECOND) // _PIECE * _PIECE)
+    times, poses = poses_over_time(buffer, anchor, name, begin, end)
+    points = np.concatenate([poses[:, :3], placement.poses[[i], :3]]) + [
+        0.0, placement.trees[anchor], 0.0] - placement.origin
+    lines = np.stack([points[:-1], points[1:]], axis=1)
+    known = (np.abs(lines) <= REACH).all(axis=(1, 2))
+    numbers, begins = np.unique(times[known] // _PIECE, return_index=True)
+    return dict(zip(numbers.tolist(), np.split(lines[known], begins[1:])))

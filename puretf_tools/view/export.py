@@ -11,7 +11,7 @@ import numpy as np
 from puretf import SECOND
 from puretf_tools.cli.progress import BAR, listen, progress
 from puretf_tools.cli.signals import forget_signals
-from puretf_tools.view.axes_and_trail import Display, Pieces, Trail
+from puretf_tools.view.axes_and_trail import Display, Pieces, trail
 from puretf_tools.view.camera import look_at
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.meshes import Meshes
@@ -28,7 +28,7 @@ class Animation:
 
     def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
         self._feed, self._meshes = feed, Meshes(meshes, waits=True)
-        self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
+        self._watcher = FrameWatcher(feed.buffer)
         #: The time of each (s), the frames, and the trail.
         self.moments: list[tuple[float, Placement, Pieces]] = []
         self.problems: Sequence[str] = ()  #: of the page: a line for each mesh that is not drawn
@@ -43,8 +43,8 @@ class Animation:
         self._feed.descriptions()  # it searches for them
         placement = self._watcher.placement('', until)
         if placement.names:
-            self.moments.append((
-                time, placement, self._trail.pieces(placement, placement.deepest, Display())))
+            self.moments.append((time, placement, trail(
+                self._feed.buffer, placement, placement.deepest, Display())))
 
     def record(self, seconds: float) -> None:
         """Add the first seconds of a bag, or what is live, from the first transform on."""
@@ -73,11 +73,11 @@ class Animation:
                 for _, placement, _ in self.moments[:1 if follow else None]]),
                     [server.initial_camera])
             serializer, before = server.get_scene_serializer(), self.moments[0][0]
-            for time, placement, trail in self.moments:
+            for time, placement, pieces in self.moments:
                 on_progress(time - self.moments[0][0])
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
-                           {placement.deepest}, trail, descriptions, follow)
+                           {placement.deepest}, pieces, descriptions, follow)
                 scene.move()
                 before = time
             _, self.problems = scene.body.lines()

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
 
 Descriptions = Mapping[str, DescriptionOrWhy]  #: of robots, by topic
-#: The length of a trail; a live buffer keeps transforms for twice this time (s).
-LENGTH = 20
+#: The length of a trail, and how long a live buffer keeps transforms: for the plots (s).
+LENGTH, _KEPT = 20, 120
 #: The largest number of messages that are examined at a time; more only of static transforms.
 _MOST_WAITING = 10_000
 
@@ -214,7 +214,7 @@ class LiveFeed(Feed):
         from puretf.publisher_listener import TransformSampler
         from puretf_tools.inspection.frame_listener import FrameListener
         from puretf_tools.robot.description_listener import DescriptionListener
-        self._frame_listener = FrameListener(node, 2 * LENGTH)
+        self._frame_listener = FrameListener(node, _KEPT)
         self._traffic = Traffic(self._frame_listener.clock)
         self._recent = RecentFindings(self._frame_listener)
         self._others = TransformSampler(node, self._frame_listener.topics)

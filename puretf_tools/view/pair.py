@@ -5,20 +5,19 @@ from math import atan2, degrees, hypot
 from typing import Any, Optional
 
 import numpy as np
+from numpy.typing import NDArray
 import viser
 
 from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.gaps import AnyBuffer
-from puretf_tools.view.axes_and_trail import STEP, Track
-from puretf_tools.view.controls import copied, FrameChoice, html
+from puretf_tools.view.axes_and_trail import poses_over_time, STEP
+from puretf_tools.view.controls import change, copied, FrameChoice, html
 from puretf_tools.view.details import command_line, numbers
 from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Floats
 from puretf_tools.view.settings import Settings, SPANS
 
-#: The shortest time between two updates of the plots (s).
-_PERIOD = 0.5
 #: The largest number of points of a plot.
 _MOST_POINTS = 2400
 #: What the plots of a live page and of a bag show, of `SPANS`.
@@ -32,7 +31,6 @@ class Pair:
 
     def __init__(self, gui: viser.GuiApi, settings: Settings, feed: Feed) -> None:
         self._feed = feed
-        self.use(feed.buffer)
         self.choices = [FrameChoice(gui, label, settings=settings) for label in 'AB']
         gui.add_button_group('Frames', ('swap',)).on_click(self._on_swap)
         self._numbers = gui.add_html('')
@@ -41,14 +39,9 @@ class Pair:
         self._plots = (_add_plot(gui, 'translation', ('x (m)', 'y (m)', 'z (m)')),
                        _add_plot(gui, 'rotation', ('roll (°)', 'pitch (°)', 'yaw (°)')))
         self._texts = gui.add_html('')
-        self._key = '', '', ''  # the frames and the span
+        self._plotted: tuple[object, ...] = ()  # the frames, the span, and the end of the plots
         self._zero = 0  # of the time in the plots (ns)
         self.shown: Optional[Transform] = None  #: the transform; None: there is none
-        #: The `end` of the numbers and of the plots, and when the plots are due (s).
-        self._end, self._plotted_end, self._next = 0, 0, 0.0
-
-    def use(self, buffer: AnyBuffer) -> None:
-        self._buffer, self._track = buffer, Track(buffer)
 
     @property
     def frames(self) -> tuple[str, str]:
@@ -63,80 +56,69 @@ class Pair:
     async def _on_swap(self, _: Any) -> None:
         self.choose(*self.frames[::-1])
 
-    def update(self, end: int, now: float) -> None:
-        """
-        Show the transform, and its values over time.
-
-        :param end: the time of the transform (ns); 0: the latest one that the pair has. If it is
-            the same as before, nothing changes, even if the buffer has dropped the data.
-        :param now: the time on the monotonic clock (s).
-        """
+    def update(self, buffer: AnyBuffer, end: int) -> None:
+        """Show the transform at a time (ns; 0: the latest), and its values over time."""
         a, b = self.frames
         for choice in self.choices:
             choice.propose('')
-        key = a, b, self._span.value
-        is_new, self._key = key != self._key, key
-        if not a or not b or a == b:
-            self._show_numbers('A and B are the same frame.' if a == b != '' else '', None)
-            self._show_plots(None)
-            return
-        if is_new or not end or end != self._end:
-            self._end = end
-            self._show_numbers(*self._look_up(a, b, end))
-        if is_new or (now >= self._next and (not end or end != self._plotted_end)):
-            self._plotted_end, self._next = end, now + _PERIOD
-            self._show_plots(end or (self.shown.stamp if self.shown else None))
-
-    def _look_up(self, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:
-        """Return why there is no transform, or '' and the transform."""
-        with self._buffer.updated():
-            if why := self._buffer.why_not(a, b, end):
-                return why, None
-            if not end:
-                latest = self._buffer.get_latest_common_time(a, b)
-                end = latest if isinstance(latest, int) else latest.nanoseconds
-            translations, rotations, _ = self._buffer.lookup_transforms(a, b, [end])
-        return '', Transform(
-            int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
-
-    def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
-        self.shown = transform
-        self._numbers.content = html(why_not, 'pair') if transform is None else (
-            _as_table(transform, self._feed.time_text))
-        self._texts.content = _as_texts(transform) if transform else ''
+        is_pair = a != b and '' not in (a, b)
+        why, self.shown = _look_up(buffer, a, b, end) if is_pair else (
+            'A and B are the same frame.' if a == b != '' else '', None)
+        change(self._numbers, content=_as_table(self.shown, self._feed.time_text)
+               if self.shown else html(why, 'pair'))
+        change(self._texts, content=_as_texts(self.shown) if self.shown else '')
+        last = end if is_pair and end else self.shown.stamp if self.shown else None
+        plotted = a, b, self._span.value, last
+        if plotted != self._plotted:
+            self._plotted = plotted
+            self._show_plots(buffer, last)
 
     def time_at(self, seconds: float) -> int:
         return self._zero + round(seconds * SECOND)
 
-    def _show_plots(self, end: Optional[int]) -> None:
+    def _show_plots(self, buffer: AnyBuffer, end: Optional[int]) -> None:
         """Show the values up to `end` (ns); hide the plots if there are none."""
+        times, values = np.empty(0, np.int64), np.empty((2, 3, 0))
+        if end is not None:
+            times, values = self._values(buffer, end)
         self._span.visible = end is not None
-        values = np.empty((2, 3, 0)) if end is None else self._values(end)
         is_visible = bool(np.isfinite(values).any())
         if is_visible:
-            self._zero = (self._feed.player.begin if self._feed.player else
-                          int(self._track.times[-1]))
+            self._zero = self._feed.player.begin if self._feed.player else int(times[-1])
         for plot, each in zip(self._plots, values):
             if is_visible:
-                plot.data = ((self._track.times - self._zero) / SECOND, *each)
+                plot.data = ((times - self._zero) / SECOND, *each)
             plot.visible = is_visible
 
-    def _values(self, end: int) -> Floats:
-        """Return (2, 3, n), at the times of the track: x, y, z (m); RPY (degrees)."""
+    def _values(self, buffer: AnyBuffer, end: int) -> tuple[NDArray[np.int64], Floats]:
+        """Return times (n,) (ns), and (2, 3, n): x, y, z (m); RPY (degrees)."""
         seconds, player = SPANS[self._span.value], self._feed.player
         end = end or SECOND * max(1, seconds)  # both frames are static: at any time
         if player and not seconds:
             begin, end = player.begin, player.end
         else:
             begin = max(1, end - seconds * SECOND)  # 0 would be the latest time
-        a, b, *_ = self._key
-        self._track.extend(a, b, begin, end, max(STEP, (end - begin) // _MOST_POINTS))
-        values = np.full((len(self._track.poses), 6), np.nan)
-        for value, pose in zip(values, self._track.poses):
+        times, poses = poses_over_time(
+            buffer, *self.frames, begin, end, max(STEP, (end - begin) // _MOST_POINTS))
+        values = np.full((len(poses), 6), np.nan)
+        for value, pose in zip(values, poses):
             if not np.isnan(pose[6]):
                 value[:3], value[3:] = pose[:3], np.degrees(euler_from_quaternion(pose[3:]))
         values[np.isinf(values)] = np.nan
-        return values.T.reshape(2, 3, -1)
+        return times, values.T.reshape(2, 3, -1)
+
+
+def _look_up(buffer: AnyBuffer, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:
+    """Return why there is no transform, or '' and the transform."""
+    with buffer.updated():
+        if why := buffer.why_not(a, b, end):
+            return why, None
+        if not end:
+            latest = buffer.get_latest_common_time(a, b)
+            end = latest if isinstance(latest, int) else latest.nanoseconds
+        translations, rotations, _ = buffer.lookup_transforms(a, b, [end])
+    return '', Transform(
+        int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
 
 
 def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.GuiUplotHandle:

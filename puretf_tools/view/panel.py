@@ -21,11 +21,6 @@ from puretf_tools.view.settings import Settings
 from puretf_tools.view.tree_and_findings import Tree
 from puretf_tools.view.viser_private import uuid_of
 
-#: This long (s) after the first dynamic frame has appeared, most others have.
-SETTLING = 1.0
-#: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
-#: names, the next change waits for n times this (s).
-_OPTION_PERIOD = 0.5e-3
 #: HTML for what viser lacks.
 _STYLE, _SCRIPT = ((Path(__file__).parent / f'page.{kind}').read_text() for kind in ('css', 'js'))
 _ADDITIONS = f'<style onload="{escape(_SCRIPT)}">{_STYLE}</style>'
@@ -53,9 +48,6 @@ class Panel:
         gui.main_panel.set_width(300.0)  # pixels
         self._settings, self._feed, self.is_paused = settings, feed, False
         self._options: list[str] = []  # of the dropdowns
-        self._proposal = ''  # the frame with details and a trail, until the viewer chooses
-        self._settled: Optional[float] = None  # `SETTLING` after the first dynamic frame
-        self._next_options = 0.0  # when they may change again (s, monotonic clock)
         page = gui.add_text('', '', visible=False)
         page.on_update(self._on_page)
         # What page.js reads is in a panel that nobody sees or folds: what is folded is not there.
@@ -131,31 +123,19 @@ class Panel:
         change(self._live, options=(_RESUME if is_paused else _PAUSE, _RESET))
         change(self.back, visible=is_paused, value=min(max(seconds, 0.0), float(LENGTH)))
 
-    def set_frames(self, placement: Placement, now: float) -> None:
-        """
-        Set the dropdowns and the checkbox 'Show names'.
-
-        Until the viewer uses the checkbox, it is ticked if there are at most `MOST_NAMES`
-        frames.
-        """
+    def set_frames(self, placement: Placement) -> None:
+        """Set the dropdowns, and what the viewer has not chosen."""
         # A bag is played again and again, so its frames stay in the dropdowns.
         before = self._options if self._feed.player else []
         names = [*dict.fromkeys([*before, *placement.names])]
-        if names != self._options and now >= self._next_options:
-            self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
+        if names != self._options:
+            self._options = names
             for choice in self._frame_choices:
                 choice.set_options(names)
         self.fixed.propose(placement.fixed)
         self.follow.propose(self._feed.follow)
-        # While the first dynamic frames appear, the proposal follows the deepest one; then it
-        # stays.
-        if self._settled is None and not all(
-                frame.is_static for frame in placement.frames.values()):
-            self._settled = now + SETTLING
-        if now <= (self._settled or now) or self._proposal not in placement.names:
-            self._proposal = placement.deepest
         for choice in self.trail, self.selected:
-            choice.propose(self._proposal)
+            choice.propose(placement.deepest)
         self.display.names.propose(len(placement.names) <= MOST_NAMES)
 
 

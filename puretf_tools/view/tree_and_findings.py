@@ -13,7 +13,6 @@ from puretf_tools.view.feed import Feed
 from puretf_tools.view.placement import Placement
 from puretf_tools.view.settings import Settings
 
-_PERIOD = 0.5  # between two updates (s)
 #: Words behind this many characters of a text do not count, so that each search takes little time.
 _LONGEST_TEXT = 1024
 #: The largest numbers of findings, and of rows that one marks.
@@ -26,9 +25,6 @@ class Tree:
     def __init__(self, state: Any, settings: Settings, feed: Feed, events: str) -> None:
         """Write into a text; `events`: the uuid of the control by which the page answers."""
         self._state, self._feed, self._events = state, feed, events
-        #: What the shown rows depend on, and the time of their next update (s, monotonic clock).
-        self._key: tuple[object, ...] = ()
-        self._next = 0.0
         #: By action: the frames that the viewer has hidden, and those hidden with all that is
         #: below them, and those whose children have no rows.
         self.sets = {action: settings.names(name) for action, name in (
@@ -42,17 +38,8 @@ class Tree:
             not branches.isdisjoint(self_and_ancestors(name, placement.frames)))))
 
     def update(self, placement: Placement, selected: str, hidden: frozenset[str],
-               progress: Sequence[str], now: float) -> bool:
-        """
-        Show the rows: at once if the viewer has changed something, and twice a second.
-
-        :param progress: further texts for the line at the foot.
-        :returns: whether they are shown anew.
-        """
-        key = selected, hidden, frozenset(self.sets['fold'])
-        if now < self._next and key == self._key:
-            return False
-        self._key, self._next = key, now + _PERIOD
+               progress: Sequence[str], now: float) -> None:
+        """Show the rows; `progress`: further texts for the line at the foot."""
         findings, count = self._feed.findings[:_MOST], len(placement.names)
         change(self._state, content=values('state', {  # the beat: so that it changes each second
             'events': self._events, 'selected': visible(selected), 'beat': int(now),
@@ -64,7 +51,6 @@ class Tree:
             'status': [f'fixed frame {visible(placement.fixed) or "none"}',
                        f'{count} frame{"" if count == 1 else "s"}', *progress,
                        f'{self._feed.now() / SECOND:.1f} s']}))
-        return True
 
     def _rows(self, placement: Placement, hidden: frozenset[str], findings: Sequence[Finding]
               ) -> Iterator[tuple[Any, ...]]:

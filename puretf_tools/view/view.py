@@ -17,7 +17,7 @@ from puretf import SECOND, TransformBuffer
 from puretf._text.names import visible
 from puretf_tools.cli.signals import sleep, wait_until
 from puretf_tools.inspection.gaps import AnyBuffer
-from puretf_tools.view.axes_and_trail import Display, Trail
+from puretf_tools.view.axes_and_trail import Display, trail
 from puretf_tools.view.camera import FirstCamera, look_at, VIEWS
 from puretf_tools.view.controls import change
 from puretf_tools.view.details import details, overview
@@ -30,8 +30,8 @@ from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
 from puretf_tools.view.viser_private import LONGEST, PAGE, receive_at_once, Server
 
-#: The shortest time between two updates of the texts, and of what the browser stores (s).
-_TEXT_PERIOD, _STORE_PERIOD = 0.2, 1.0
+#: The time between two updates of texts and plots, and of what the browser stores (s).
+_TEXT_PERIOD = 0.4
 #: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
 #: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
@@ -142,7 +142,6 @@ class Viewer:
         receive_at_once(client)
         self._client, self._is_alone = client, is_alone
         self.has_path = False  #: whether the first camera knows where the frames go
-        self._next_store = 0.0  # (s, monotonic clock)
         self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
@@ -158,8 +157,9 @@ class Viewer:
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
         #: there are no frames.
         self._place_paused: Optional[Place] = None
-        self._use(feed.buffer)
-        self._next_texts = 0.0  # the earliest time of their next update (s, monotonic clock)
+        self._buffer = feed.buffer
+        self._next_texts = 0.0  # the time of their next update (s, monotonic clock)
+        self._key: tuple[object, ...] = ()  # they are updated at once if this changes
         self.first_camera = FirstCamera(self._cameras)
         self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore)
         if feed.player:
@@ -185,20 +185,16 @@ class Viewer:
         """Return the frames to show; while they are paused, those of a copy of the buffer."""
         panel = self._panel
         if not panel.is_paused and self._place_paused:
-            self._use(self._feed.buffer)
+            self._buffer = self._feed.buffer
             self._place_paused = None
         if panel.is_paused and not self._place_paused and (newest := _newest(self._feed.buffer)):
-            copy = TransformBuffer.copy_of(self._feed.buffer, max(1, newest - LENGTH * SECOND))
-            self._use(copy)
-            self._place_paused = lru_cache(1)(FrameWatcher(copy).placement)
+            self._buffer = TransformBuffer.copy_of(
+                self._feed.buffer, max(1, newest - LENGTH * SECOND))
+            self._place_paused = lru_cache(1)(FrameWatcher(self._buffer).placement)
         self._until = max(1, _newest(self._buffer) - round(panel.back.value * SECOND)) if (
             self._place_paused) else until
         return (self._place_paused or place)(
             panel.fixed.chosen, self._until, panel.display.timeout.value)
-
-    def _use(self, buffer: AnyBuffer) -> None:
-        self._buffer, self._trail = buffer, Trail(buffer)
-        self._panel.pair.use(buffer)
 
     def update(self, place: Place, until: int, now: float, descriptions: Descriptions) -> None:
         """
@@ -225,30 +221,35 @@ class Viewer:
             self._take_events(self._shown[0])
         change(panel.bar, content=self._playback.content if self._playback else '')
         placement = self._place(place, until)
-        panel.set_frames(placement, now)
+        panel.set_frames(placement)
         selected = panel.selected.value
         hidden = panel.tree.hidden(placement, panel.display.include.value)
         display = panel.display.display(hidden)
         self._shown = placement, display
-        if panel.tree.update(placement, selected, hidden, self._scene.body.progress, now):
-            change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
-            change(panel.details, content=details(
-                placement, selected, self._feed, self._buffer))
         marked = self._marked if selected in self._marked else ()
         self._scene.show(placement, display, {selected, *marked},
-                         self._trail.pieces(placement, panel.trail.value, display), descriptions,
+                         trail(self._buffer, placement, panel.trail.value, display), descriptions,
                          panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
         panel.hand_frame.update(placement)
-        if now >= self._next_texts:
-            self._next_texts = now + _TEXT_PERIOD
-            panel.robot.update(*self._scene.body.lines())
-            panel.pair.update(self._until, now)
+        key = selected, hidden, frozenset(panel.tree.sets['fold'])
+        if now >= self._next_texts or key != self._key:
+            self._next_texts, self._key = now + _TEXT_PERIOD, key
+            self._show_texts(placement, selected, hidden, now)
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
         self.pace.when_handled(self._scene.move)
-        if now >= self._next_store and not self.pace.is_blocked:
-            self._next_store = now + _STORE_PERIOD
+
+    def _show_texts(self, placement: Placement, selected: str, hidden: frozenset[str], now: float
+                    ) -> None:
+        """Update what changes less often than the scene, and let the browser store the view."""
+        panel = self._panel
+        panel.tree.update(placement, selected, hidden, self._scene.body.progress, now)
+        change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
+        change(panel.details, content=details(placement, selected, self._feed, self._buffer))
+        panel.robot.update(*self._scene.body.lines())
+        panel.pair.update(self._buffer, self._until)
+        if not self.pace.is_blocked:
             self.pace.store(self._settings.as_json())
 
     def _go_to(self, time: int) -> None:

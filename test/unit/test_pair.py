@@ -29,17 +29,17 @@ class Shown:
 
     def __init__(self, server, buffer):
         """Connect a viewer."""
-        self.now = 1000.0
+        self.count, self.buffer = 0, buffer
         feed = Feed()
         feed.buffer = buffer
         self.pair = Pair(server.gui, Settings(), feed)
         self.viewer = Viewer(server.get_port())
         self.viewer.until(lambda: len(self.plots()) == 2)
 
-    def update(self, end=0, seconds=1.0):
-        """Update after a time (s)."""
-        self.now += seconds
-        self.pair.update(end, self.now)
+    def update(self, end=0):
+        """Show a time (ns), or the latest."""
+        self.count += 1
+        self.pair.update(self.buffer, end)
 
     def offer(self, *names):
         """Set the frames that can be chosen."""
@@ -56,7 +56,7 @@ class Shown:
 
     def receive_all(self):
         """Wait until the viewer has got all that has been sent."""
-        last = f'frame_{self.now}'
+        last = f'frame_{self.count}'
         self.offer('map', 'base', last)
         self.viewer.until(lambda: last in self.viewer.get('A', 'options'))
 
@@ -153,38 +153,6 @@ def test_the_values_of_the_last_20_s(shown, buffer):
     for values, expected in ((x, t), (y, 0.0 * t), (z, -t), (roll, 0.0 * t), (pitch, 0.0 * t),
                              (yaw, np.where(degrees > 180.0, degrees - 360.0, degrees))):
         assert values[is_known] == pytest.approx(expected[is_known])
-
-
-def test_a_pair_that_stands_still(shown, buffer):
-    """At one time, numbers and plots stay, also after the buffer has dropped the data."""
-    buffer.insert(T, 'map', 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    shown.choose('map', 'base', T)
-    shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
-    for second in 99, 100:
-        buffer.insert(T + second * S, 'map', 'base', (2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    assert buffer.why_not('map', 'base', T)
-    shown.update(T)
-    shown.receive_all()
-    assert shown.translation() == [1.0, 0.0, 0.0]
-    assert shown.plotted()[0, 1, -1] == 1.0
-    shown.update(0)
-    shown.receive_all()
-    assert shown.translation() == [2.0, 0.0, 0.0]
-    assert shown.rows()[0] == ['1700000100.000000000 s']
-    assert shown.plotted()[0, 1, -1] == 2.0
-
-
-def test_how_often_a_pair_is_updated(shown, buffer):
-    """Its plots change every 0.5 s at most."""
-    buffer.insert(T, 'map', 'base', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    shown.choose('map', 'base')
-    shown.update()
-    buffer.insert(T + S, 'map', 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    for seconds, value in (0.2, 0.0), (0.2, 0.0), (0.2, 1.0):
-        shown.update(0, seconds)
-        shown.receive_all()
-        assert shown.translation() == [1.0, 0.0, 0.0]
-        assert shown.plotted()[0, 1, -1] == value
 
 
 def test_no_transform(shown, buffer):

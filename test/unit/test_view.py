@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from puretf import TransformBuffer
-from puretf_tools.view.axes_and_trail import axes, Display, lines, Trail
+from puretf_tools.view.axes_and_trail import axes, Display, lines, trail
 from puretf_tools.view.feed import BagFeed
 from puretf_tools.view.placement import FrameWatcher
 
@@ -285,38 +285,37 @@ def test_axes_of_an_old_frame(clock):
 
 
 def test_a_trail():
-    """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
+    """It covers the last 20 s in any fixed frame; while time passes, only one piece changes."""
     buffer = TransformBuffer(60 * S)
-    often, seldom = Trail(buffer), Trail(buffer)
-    pieces = often.draw('map', 'hand', 0, np.zeros(3))
-    grown = []
+    watcher = FrameWatcher(buffer)
+
+    def drawn(name, fixed='map', until=0):
+        return trail(buffer, watcher.placement(fixed, until), name, Display())
+
+    pieces, grown = drawn('hand'), []
     for i in range(3001):
-        point = np.array([i / 100, 1.0, 0.0])
-        buffer.insert(T + i * S // 100, 'map', 'hand', pose(*point))
+        buffer.insert(T + i * S // 100, 'map', 'hand', pose(i / 100, 1.0))
         if i % 3 == 0:
-            before, pieces = pieces, often.draw('map', 'hand', T + i * S // 100, point)
+            before, pieces = pieces, drawn('hand')
             grown.append(sum(number in before and not np.array_equal(before[number], lines)
                              for number, lines in pieces.items()))
     assert max(grown) == 1
     assert [*pieces] == sorted(pieces)
-    for drawn in pieces, seldom.draw('map', 'hand', T + 30 * S, point):
-        trail = np.concatenate([*drawn.values()])
-        assert trail.shape[0] > 300
-        assert (trail[1:, 0] == trail[:-1, 1]).all()
-        assert 10.0 <= trail[0, 0, 0] < 10.1
-        assert trail[-1, 1].tolist() == [30.0, 1.0, 0.0]
-        assert np.ptp(trail[..., 1]) == 0.0
-        assert np.diff(trail[:, 0, 0]).max() < 0.1
-    # In another frame, or when time is set back, it begins again.
-    for target, frame, second in ('hand', 'map', 30), ('map', 'hand', 1):
-        point = np.array([second, 1.0, 0.0]) * (1.0 if frame == 'hand' else -1.0)
-        *_, last = often.draw(target, frame, T + second * S, point).values()
-        assert last[-1, 1].tolist() == point.tolist()
-    assert not often.draw('map', 'hand', T + 10**9 * S, point)  # by no more points than in 20 s
-    assert not len(often.draw('map', 'still', 0, np.zeros(3)))
+    lines = np.concatenate([*pieces.values()])
+    assert lines.shape[0] > 300
+    assert (lines[1:, 0] == lines[:-1, 1]).all()
+    assert 10.0 <= lines[0, 0, 0] < 10.1
+    assert lines[-1, 1].tolist() == [30.0, 1.0, 0.0]
+    assert np.ptp(lines[..., 1]) == 0.0
+    assert np.diff(lines[:, 0, 0]).max() < 0.1
+    for fixed, name, second in ('hand', 'map', 30), ('map', 'hand', 1):
+        *_, last = drawn(name, fixed, T + second * S).values()
+        assert last[-1, 1] == pytest.approx(
+            np.array([second, 1.0, 0.0]) * (1.0 if name == 'hand' else -1.0))
+    assert not drawn('still')
     for second in 0, 1:
         buffer.insert(T + second * S, 'map', 'far', pose(1e7))
-    assert not seldom.draw('map', 'far', T + S, np.array([1e7, 0.0, 0.0]))
+    assert not drawn('far')
 
 
 def test_texts():
@@ -907,24 +906,6 @@ def test_a_long_pause(page, clock):
     assert [(label, viewer.value(label)) for label, _ in choices] == choices
 
 
-def test_a_default_of_static_frames(page, clock):
-    """It is chosen again when the first dynamic frame appears, and then stays."""
-    buffer = TransformBuffer()
-    buffer.insert(T, 'map', 'post', pose(1.0), is_static=True)
-    shown = page(buffer)
-    viewer = shown.viewer
-    shown.until(lambda: viewer.value('Frame') == 'post')
-    clock[0] += 10.0
-    shown.step()
-    arm(buffer, T, 'map', 'base', 'hand')
-    shown.until(lambda: viewer.value('Frame') == viewer.value('Trail of') == 'hand')
-    clock[0] += 10.0
-    shown.step()
-    arm(buffer, T, 'hand', 'tip')
-    shown.until(lambda: 'tip' in viewer.names())
-    assert viewer.value('Frame') == 'hand'
-
-
 def test_what_is_chosen_stays(page):
     """A choice outlasts new proposals, even while the chosen frame does not exist."""
     buffer = chain('map', 'base', 'hand')
@@ -970,25 +951,6 @@ def test_the_fixed_frame_of_a_page_that_nobody_has_chosen(page, clock):
         '(none)', 'base_link', 'laser', 'odom'])  # laser is chosen
     arm(buffer, T + S, 'base_lnk', 'laser')
     shown.until(lambda: 'laser' in options() and viewer.detail('parent') == 'base_lnk')
-
-
-def test_many_names_are_sent_seldom(page, clock):
-    """A change of a dropdown with 1000 names waits, so that not all are sent at each update."""
-    buffer = TransformBuffer()
-    for i in range(1000):
-        buffer.insert(T, 'map', f'post_{i}', pose(0.0), is_static=True)
-    shown = page(buffer)
-    viewer = shown.viewer
-    shown.until(lambda: '/world/frames' in viewer.nodes)
-
-    def is_offered():
-        return 'new' in viewer.get('Frame', 'options')
-
-    buffer.insert(T, 'map', 'new', pose(1.0), is_static=True)
-    shown.until(lambda: len(viewer.axes('positions')) == 1002)
-    assert not is_offered()
-    clock[0] += 1.0
-    shown.until(is_offered)
 
 
 def test_a_name_keeps_its_label(page, clock):
@@ -1168,20 +1130,6 @@ def test_a_refused_view_of_a_viewer(page, is_kept):
     shown.until(lambda: 'this is a root' in viewer.text('details'))
     shown.clock[0] += 2.0
     shown.until(lambda: json_of(viewer).get('Frame') == 'map')
-
-
-def test_a_view_is_stored_once_a_second(page):
-    """Not at each change: a browser writes it to a disk."""
-    shown = page(chain('map', 'base'))
-    shown.set('Frame', 'map')
-    shown.clock[0] += 2.0
-    shown.until(lambda: json_of(shown.viewer).get('Frame') == 'map')
-    shown.set('Frame', 'base')
-    for _ in range(3):
-        shown.step()
-    assert json_of(shown.viewer)['Frame'] == 'map'
-    shown.clock[0] += 1.0
-    shown.until(lambda: json_of(shown.viewer)['Frame'] == 'base')
 
 
 def test_a_view_of_a_bag_in_a_live_page(page):
