@@ -1,8 +1,8 @@
 """The frames at one time: the position and the parent of each in the scene, and its age."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from itertools import chain, takewhile
+from collections.abc import Callable, Collection, Mapping
+from itertools import chain, islice
 from time import monotonic
 from typing import NamedTuple, Optional
 
@@ -173,19 +173,13 @@ def _proposed(root_of: Mapping[str, str]) -> str:
         PREFERRED.index(name) if name in PREFERRED else len(PREFERRED), -sizes[name], name))
 
 
-def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> Iterable[str]:
-    """Return up to `MAX_FRAMES` names: the first in the tree of the fixed frame, then others."""
+def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> Collection[str]:
+    """Return the first `MAX_FRAMES`, each after its parent: those in the tree of `fixed` first."""
     if len(root_of) <= MAX_FRAMES:
         return root_of
-    shown: dict[str, None] = {}
-    preferred = sorted((name for name in frames if name in root_of),
-                       key=lambda name: root_of[name] != root_of[fixed])
-    for name in [fixed, *preferred]:  # each with its ancestors
-        new = [*takewhile(lambda each: each not in shown, self_and_ancestors(name, frames))]
-        shown.update(dict.fromkeys(new[::-1][:MAX_FRAMES - len(shown)]))
-        if len(shown) == MAX_FRAMES:
-            break
-    return shown
+    above = [*self_and_ancestors(fixed, frames)][::-1]
+    others = sorted(root_of, key=lambda name: root_of[name] != root_of[fixed])
+    return {*islice(dict.fromkeys([*above, *others]), MAX_FRAMES)}
 
 
 def _deepest(frames: dict[str, Frame], root: str, index: dict[str, int]) -> str:
