@@ -9,7 +9,6 @@ from typing import Any, Optional, Union
 import numpy as np
 import viser
 
-from puretf._text.names import comma_list, visible
 from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description
 from puretf_tools.robot.shapes import Rgba, Shape
@@ -44,9 +43,7 @@ class _Robot:
         self.topic, self.description = topic, description
         self.names: list[str] = []  # the frames for which the prefix was found
         self.prefix, self.found = '', 0  # the number of links that have a frame
-        #: By a line for each mesh that cannot be drawn: the name of its file.
-        self.problems: dict[str, str] = {}
-        self.sign: Any = None  # at the first body that is missing
+        self.problems: dict[str, None] = {}  #: a line for each mesh that cannot be drawn
         self.triangles = 0  # of the meshes that are drawn
         parts: dict[tuple[str, bool], _Part] = {}
         for is_collision, shapes in enumerate((description.visuals, description.collisions)):
@@ -162,10 +159,6 @@ class Body:
                 break
             left -= size
             self._add(shape, mesh, robot, part)
-        for robot in {id(robot): robot for robot, *_ in waiting}.values():
-            if robot.sign:
-                names = dict.fromkeys(robot.problems.values())
-                robot.sign.text = f'not drawn: {comma_list([*names])}'
 
     def _add(self, shape: Shape, mesh: Union[Mesh, MeshError, None], robot: _Robot, part: _Part
              ) -> None:
@@ -179,9 +172,7 @@ class Body:
                 mesh = MeshError(
                     f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes')
         if isinstance(mesh, MeshError):
-            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = visible(
-                shape.file.rpartition('/')[2])
-            robot.sign = robot.sign or self._scene.add_label(f'{part.node.name}/sign', '')
+            robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = None
             kind, size, rgba = 'box', [_MISSING_SIZE] * 3, _MISSING
         red, green, blue, alpha = _COLLISION if part.is_collision else rgba
         x, y, z, w = shape.pose[3:]
