@@ -64,15 +64,13 @@ class Settings:
     """What a viewer has set, by names such as the labels of controls."""
 
     def __init__(self, first: str = '') -> None:
-        """Begin with what a line of JSON says, if there is one."""
+        """Let `reset` begin with what a line of JSON says, if there is one."""
         self._first = first
         self._kept: dict[str, _Kept] = {}
-        self._wanted: dict[str, Any] = {}  # what was restored last
 
     def add(self, name: str, read: Callable[[], Any], write: Callable[[Any], object]) -> None:
         """Add a value: `read` returns it, `write` sets it to one that fits."""
         self._kept[name] = _Kept(read, write, read())
-        self._restore(name)
 
     def control(self, control: Any) -> Any:
         """Add a control under its label, and return it."""
@@ -100,7 +98,7 @@ class Settings:
 
     def as_json(self) -> str:
         """Return a line of JSON; `restore` takes it, so what does not fit is left out."""
-        values = {**self._wanted, **{name: kept.read() for name, kept in self._kept.items()}}
+        values = {name: kept.read() for name, kept in self._kept.items()}
         return json.dumps({name: value for name, value in values.items()
                            if _KINDS[name](value)})
 
@@ -114,10 +112,10 @@ class Settings:
         known = {name: value for name, value in values.items() if name in _KINDS}
         for name, value in known.items():
             if not _KINDS[name](value):
-                return f'{name} cannot be {_shown(value)}: {_REMEDY}'
-        self._wanted = known
-        for name in known:
-            self._restore(name)
+                shown = abbreviated(json.dumps(value), _LONGEST_SHOWN)
+                return f'{name} cannot be {shown}: {_REMEDY}'
+        for name in known.keys() & self._kept.keys():
+            self._kept[name].write(known[name])
         return ''
 
     def reset(self, text: str = '') -> str:
@@ -128,13 +126,3 @@ class Settings:
         if why or not text:
             self.restore(self._first or '{}')
         return why
-
-    def _restore(self, name: str) -> None:
-        if name in self._wanted and name in self._kept:
-            self._kept[name].write(self._wanted[name])
-
-
-def _shown(value: Any) -> str:
-    with suppress(RecursionError):
-        return abbreviated(json.dumps(value), _LONGEST_SHOWN)
-    return 'nested lists'

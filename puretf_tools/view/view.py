@@ -103,25 +103,18 @@ class View:
             self._watcher.watch()
 
     def _viewer(self, number: int, client: viser.ClientHandle, is_alone: bool) -> 'Viewer':
-        player = self._feed.player
         if number not in self.viewers:
             self._meshes.forget_failures()
             self.viewers[number] = Viewer(client, self._feed, self._server.initial_camera,
                                           self._meshes, self._first, is_alone, self._playback)
-        viewer = self.viewers[number]
-        if not viewer.has_path and (not player or (player.is_whole and player.length)):
+        viewer, player = self.viewers[number], self._feed.player
+        if player and player.is_whole and player.length and not viewer.has_path:
             viewer.has_path = True
-            viewer.first_camera.extend(self._path())
+            viewer.first_camera.extend(self._places(player.begin, player.end))
         return viewer
 
-    def _path(self) -> Floats:
-        """Return where the frames go in a bag, or have been in the last seconds: (n, 3) (m)."""
-        if player := self._feed.player:
-            return self._places(player.begin, player.end)
-        end = max(1, _newest(self._feed.buffer))
-        return self._places(max(1, end - 2 * LENGTH * SECOND), end)
-
     def _places_between(self, begin: int, end: int) -> Floats:
+        """Return where the frames of a bag go: (n, 3) (m)."""
         return np.concatenate([placement.points[
             [name not in placement.far for name in placement.names]] for placement in (
                 self._watcher.placement('', time) for time in np.linspace(
@@ -141,7 +134,7 @@ class Viewer:
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
         self._client, self._is_alone = client, is_alone
-        self.has_path = False  #: whether the first camera knows where the frames go
+        self.has_path = False  #: whether the first camera knows the path in a bag
         self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0
