@@ -25,17 +25,19 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
-from functools import lru_cache, partial
+from functools import lru_cache
 import gzip
 from html import escape
 from http import HTTPStatus
 import logging
-from math import hypot, inf, isclose, isfinite
+from math import hypot, isclose, isfinite
 from pathlib import Path
 import socket
 from time import monotonic
 from typing import Any, TYPE_CHECKING
 import warnings
+
+import numpy as np
 
 from puretf._text.names import abbreviated, visible
 from puretf_tools.cli.parser import CommandError
@@ -241,22 +243,16 @@ def _fitted(control: Any, value: Any) -> Any:
     While a viewer types, a browser sends numbers beyond the range, and corrects them at the end.
     """
     known = control.value
-    if isinstance(known, tuple):
-        if not isinstance(value, (list, tuple)) or len(value) != len(known):
-            raise ValueError(f'{control.label} must be {len(known)} numbers, got {value!r}')
-        lower, upper = (control.min or (-inf,) * len(known)), (control.max or (inf,) * len(known))
-        return [*map(partial(_number, control.label), value, lower, upper)]
-    if isinstance(known, float):
-        return _number(control.label, value, control.min, control.max)
+    if isinstance(known, (float, tuple)):
+        numbers = np.array(value)
+        if (numbers.dtype.kind not in 'iuf' or numbers.shape != np.shape(known)
+                or not np.isfinite(numbers).all()):
+            raise ValueError(f'{control.label} must be as {known}, got {value!r}')
+        lower, upper = np.array([control.min, control.max], float)  # NaN: there is no limit
+        return np.fmin(np.fmax(numbers, lower), upper).tolist()
     if type(value) is not type(known):
         raise ValueError(f'{control.label} must be a {type(known).__name__}, got {value!r}')
     return value
-
-
-def _number(label: str, value: Any, lower: float, upper: float) -> float:
-    if type(value) not in (int, float) or not isfinite(value):
-        raise ValueError(f'{label} must be a number, got {value!r}')
-    return min(max(float(value), lower), upper)
 
 
 def _silence() -> None:
