@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import product
-from typing import Any, Optional
+from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from puretf_tools.view.placement import Floats
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
 VIEWS = {'all': (0.55, -0.7, 0.45), 'top': (0.0, -1e-3, 1.0), 'front': (1.0, 0.0, 0.0),
          'side': (0.0, -1.0, 0.0)}
-#: The times after the first frame at which the first camera is moved (s): at once, when most
-#: frames have appeared, and when a robot that moves has shown its reach.
-_FITS = 0.0, 1.0, 5.0
+#: How long after the first frame the first camera follows where the frames go, and the time
+#: between two of its moves (s).
+_FIRST, _PERIOD = 5.0, 1.0
 #: (3, 26): x, y, z of vectors along and between the axes.
 _DIRECTIONS = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]).T
 #: A camera has been moved by a viewer if it is this far from where it was put, as a fraction of
@@ -38,44 +39,37 @@ class FirstCamera:
         """Move these cameras; the first one is that of the viewer."""
         self._cameras = cameras
         self._points = np.empty((0, 3))  # those that are farthest in each direction (m)
-        #: When the cameras are moved next (s, monotonic clock); None until there are points.
-        self._due: Optional[list[float]] = None
+        #: When the cameras can be moved again, and when no more points are added (s).
+        self._next, self._end = 0.0, inf
+        self._shown: tuple[float, ...] = ()  # the size of the page, and the points
         #: Where the camera was before, and where it was put (m): reports of a browser that has not
         #: moved it yet may still be on their way.
         self._put: list[Floats] = []
-        self._size = 0.0, 0.0  # of the page, then
         self.is_over = False  #: True after the viewer has moved the camera
 
     def extend(self, points: Floats) -> None:
         """Show some more points, too: (n, 3), x, y, z in the scene (m)."""
-        self._add(points)
-        if self._due is not None:
-            self._due.insert(0, 0.0)
-
-    def _add(self, points: Floats) -> None:
         if len(points := np.concatenate([self._points, points])):
             self._points = points[np.unique(np.argmax(points @ _DIRECTIONS, axis=0))]
 
     def update(self, points: Callable[[], Floats], now: float) -> None:
-        """Move the cameras, if it is time to; `points`: of the frames, (n, 3) in the scene (m)."""
+        """Move the cameras if it is time to; `points`: of the frames, (n, 3) in the scene (m)."""
         if self.is_over:
             return
-        if self._due != []:
-            self._add(new := points())
-            if self._due is None and len(new):
-                self._due = [now + seconds for seconds in _FITS]
-        if self._due is None:
+        if now < self._end:
+            self.extend(points())
+        if not len(self._points):
             return
-        is_due = any(time <= now for time in self._due)
-        self._due = [time for time in self._due if time > now]
-        if not is_due and page_size(self._cameras[0]) == self._size:
+        self._end = min(self._end, now + _FIRST)
+        shown = *page_size(self._cameras[0]), *self._points.flat
+        if now < self._next or shown == self._shown:
             return
         self.is_over = self._is_moved()
         if not self.is_over:
             before = self._put[-1:] or [np.array(self._cameras[0].position)]
             look_at(self._points, self._cameras)
-            self._size = page_size(self._cameras[0])
             self._put = [*before, np.array(self._cameras[0].position)]
+            self._shown, self._next = shown, now + _PERIOD
 
     @property
     def view(self) -> list[float]:
@@ -90,8 +84,8 @@ class FirstCamera:
         self.is_over = bool(view)
         if view:
             _put(self._cameras, np.array(view[:3]), np.array(view[3:6]), view[6], _FAR)
-        elif self._due is not None:
-            self._put, self._due = [], [0.0]
+        else:
+            self._put, self._shown = [], ()
 
     def _is_moved(self) -> bool:
         camera = self._cameras[0]
