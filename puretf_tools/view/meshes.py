@@ -239,8 +239,7 @@ def _parts(kind: str, data: bytes) -> list[tuple[NDArray[np.float64], Any]]:
     import trimesh
 
     # The wrong indices of a .ply file would be gone after processing.
-    scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:],
-                               **{'process': False} if kind == '.ply' else {})
+    scene = trimesh.load_scene(BytesIO(data), file_type=kind[1:], process=False)
     parts = [(matrix, scene.geometry[name])
              for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
              if isinstance(scene.geometry[name], trimesh.Trimesh)]
@@ -253,8 +252,7 @@ def _parts(kind: str, data: bytes) -> list[tuple[NDArray[np.float64], Any]]:
             raise MeshError(f'a triangle of it has the vertices {part.faces.min()} to '
                             f'{part.faces.max()}, but there are 0 to {len(part.vertices) - 1}: '
                             'export it again')
-        if kind == '.ply':
-            part.process()
+        part.process()
     return parts
 
 
