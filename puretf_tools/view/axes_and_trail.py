@@ -1,6 +1,6 @@
 """What is drawn of frames: their axes, lines to their parents, and the trail of one."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +40,7 @@ class Display(NamedTuple):
         return {*placement.names}.difference(self.hidden, placement.far)
 
 
-def axes(placement: Placement, display: Display, selected: Collection[str] = ()
+def axes(placement: Placement, display: Display, selected: str = ''
          ) -> tuple[Floats, Floats, Floats]:
     """
     Return of all axes: x, y, z (m), w, x, y, z, and the scale (0.0: they are not drawn).
@@ -49,7 +49,7 @@ def axes(placement: Placement, display: Display, selected: Collection[str] = ()
     """
     shown = display.shown(placement)
     scales = np.clip(1.5 - 1.5 * placement.ages / placement.timeout, 0.0, 1.0) * [
-        (_SELECTED if name in selected else 1.0) * (name in shown) for name in placement.names]
+        (_SELECTED if name == selected else 1.0) * (name in shown) for name in placement.names]
     return rounded(placement.points), rounded(placement.poses[:, [6, 3, 4, 5]]), scales
 
 

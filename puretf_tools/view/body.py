@@ -32,7 +32,6 @@ class _Part:
     link: str
     is_collision: bool
     shapes: list[Shape] = field(default_factory=list)  #: those that are not drawn yet
-    meshes: int = 0  #: their number, also of those that are drawn
     node: Any = None  #: moves with the link; None: it was never visible
     pose: Optional[list[float]] = None  #: of the node: x, y, z (m), quaternion x, y, z, w
     drawn: list[tuple[Any, float]] = field(default_factory=list)  #: handles, and their opacity
@@ -49,9 +48,7 @@ class _Robot:
         for is_collision, shapes in enumerate((description.visuals, description.collisions)):
             for shape in shapes:
                 key = shape.link, bool(is_collision)
-                part = parts.setdefault(key, _Part(*key))
-                part.shapes.append(shape)
-                part.meshes += shape.kind == 'mesh'
+                parts.setdefault(key, _Part(*key)).shapes.append(shape)
         self.parts = [*parts.values()]
 
     def lines(self) -> list[str]:
@@ -99,7 +96,7 @@ class Body:
                                 for each in part.drawn]:
                 handle.opacity = _opacity(own * display.opacity)
         rows = rounded(np.column_stack([placement.points, placement.poses[:, 3:]])).tolist()
-        far, waiting, total = {*placement.far}, list[_Waiting](), 0
+        far, waiting = {*placement.far}, list[_Waiting]()
         poses = {name: row for name, row in zip(placement.names, rows) if name not in far}
         for robot in self._robots.values():
             if robot.names != placement.names:
@@ -113,12 +110,11 @@ class Body:
                 if is_on and frame in poses:
                     self._place(part, poses[frame])
                     waiting += [(robot, part, shape) for shape in part.shapes]
-                    total += part.meshes
                 elif part.node:
                     part.node.visible = False
         self._add_some(waiting)
         left = sum(shape.kind == 'mesh' for *_, shape in waiting)
-        self.progress = [f'meshes: {total - left} of {total}'] * (left > 0)
+        self.progress = [f'meshes to come: {left}'] * (left > 0)
 
     def lines(self) -> tuple[list[str], list[str]]:
         """Return what the panel says of descriptions, and of each mesh that cannot be drawn."""

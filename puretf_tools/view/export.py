@@ -77,7 +77,7 @@ class Animation:
                 on_progress(time - self.moments[0][0])
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= MOST_NAMES),
-                           {placement.deepest}, pieces, descriptions, follow)
+                           placement.deepest, pieces, descriptions, follow)
                 scene.move()
                 before = time
             _, self.problems = scene.body.lines()

@@ -73,7 +73,7 @@ class Scene:
             owner.scene.on_click()(partial(self._on_click, 'select'))
             owner.scene.on_click(modifier='shift')(partial(self._on_click, 'pair'))
 
-    def show(self, placement: Placement, display: Display, selected: Collection[str],
+    def show(self, placement: Placement, display: Display, selected: str,
              trail: Pieces, descriptions: Descriptions, follow: str = '', with_yaw: bool = False,
              pair: Collection[str] = ()) -> None:
         """
@@ -203,12 +203,11 @@ class Scene:
         best = int(distances.argmin())
         return placement.names[best // 27] if distances[best] <= _TARGET else ''
 
-    def _show_names(self, placement: Placement, display: Display, selected: Collection[str]
-                    ) -> None:
+    def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
         shown = _labels(placement, display) if display.with_names else {}
         if isinstance(self._owner, viser.ClientHandle):
             # Names that are shown stay, so that they do not flicker.
-            first = [*selected, *(name for name, label in self._labels.items() if label.visible)]
+            first = [selected, *(name for name, label in self._labels.items() if label.visible)]
             shown = _without_overlap(
                 {**{name: shown[name] for name in first if name in shown}, **shown},
                 self._owner.camera, self.in_scene)

@@ -74,7 +74,6 @@ class View:
         self._places = lru_cache(1)(self._places_between)  # of a bag, all viewers see the same
         self._playback = Playback(feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
-        self._next_watch = 0.0  # (s, monotonic clock)
         server.gui.set_panel_label(feed.name)
         server.title = feed.name
 
@@ -83,9 +82,7 @@ class View:
         now = self._clock()
         clients = self._server.get_clients()
         until = self._playback.update(bool(clients)) if self._playback else 0
-        if now >= self._next_watch:  # the listener drops the oldest messages if nobody looks
-            self._feed.watch(now)
-            self._next_watch = now + _TEXT_PERIOD
+        self._feed.watch(now)  # the listener drops the oldest messages if nobody looks
         descriptions = self._feed.descriptions()
         if self._feed.joint_controls:
             self._feed.joint_controls.update(descriptions)
@@ -144,7 +141,6 @@ class Viewer:
         self._settings = Settings(first)
         self._panel = Panel(client, feed, self._settings, self._send)
         self._playback = playback
-        self._marked: tuple[str, ...] = ()  # the frames of the finding that was chosen
         #: The last placement, and how it was drawn.
         self._shown: Optional[tuple[Placement, Display]] = None
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
@@ -219,8 +215,7 @@ class Viewer:
         hidden = panel.tree.hidden(placement, panel.display.include.value)
         display = panel.display.display(hidden)
         self._shown = placement, display
-        marked = self._marked if selected in self._marked else ()
-        self._scene.show(placement, display, {selected, *marked},
+        self._scene.show(placement, display, selected,
                          trail(self._buffer, placement, panel.trail.value, display), descriptions,
                          panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
@@ -274,11 +269,10 @@ class Viewer:
                 panel.act(action, what)
 
     def _choose(self, title: str) -> None:
-        """Select and mark the frames of a finding, and go to its time."""
+        """Select the first frame of a finding, and go to its time."""
         selected = self._panel.selected
         for finding in self._feed.findings:
             if self._panel.tree.title(finding) == title:
-                self._marked = finding.frames
                 selected.choose(next(iter(finding.frames), selected.value))
                 if self._feed.player and finding.time:
                     self._go_to(finding.time)
