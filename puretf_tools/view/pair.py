@@ -5,7 +5,6 @@ from math import atan2, degrees, hypot
 from typing import Any, Optional
 
 import numpy as np
-from numpy.typing import NDArray
 import viser
 
 from puretf import SECOND, Transform
@@ -15,7 +14,6 @@ from puretf_tools.view.axes_and_trail import poses_over_time, STEP
 from puretf_tools.view.controls import change, copied, FrameChoice, html
 from puretf_tools.view.details import command_line, numbers
 from puretf_tools.view.feed import Feed
-from puretf_tools.view.placement import Floats
 from puretf_tools.view.settings import Settings, SPANS
 
 #: The largest number of points of a plot.
@@ -78,34 +76,27 @@ class Pair:
 
     def _show_plots(self, buffer: AnyBuffer, end: Optional[int]) -> None:
         """Show the values up to `end` (ns); hide the plots if there are none."""
-        times, values = np.empty(0, np.int64), np.empty((2, 3, 0))
+        values, player = np.empty((0, 6)), self._feed.player
         if end is not None:
-            times, values = self._values(buffer, end)
-        self._span.visible = end is not None
-        is_visible = bool(np.isfinite(values).any())
-        if is_visible:
-            self._zero = self._feed.player.begin if self._feed.player else int(times[-1])
-        for plot, each in zip(self._plots, values):
-            if is_visible:
-                plot.data = ((times - self._zero) / SECOND, *each)
-            plot.visible = is_visible
-
-    def _values(self, buffer: AnyBuffer, end: int) -> tuple[NDArray[np.int64], Floats]:
-        """Return times (n,) (ns), and (2, 3, n): x, y, z (m); RPY (degrees)."""
-        seconds, player = SPANS[self._span.value], self._feed.player
-        end = end or SECOND * max(1, seconds)  # both frames are static: at any time
-        if player and not seconds:
-            begin, end = player.begin, player.end
-        else:
+            seconds = SPANS[self._span.value]
+            end = end or SECOND * max(1, seconds)  # both frames are static: at any time
             begin = max(1, end - seconds * SECOND)  # 0 would be the latest time
-        times, poses = poses_over_time(
-            buffer, *self.frames, begin, end, max(STEP, (end - begin) // _MOST_POINTS))
-        values = np.full((len(poses), 6), np.nan)
-        for value, pose in zip(values, poses):
-            if not np.isnan(pose[6]):
-                value[:3], value[3:] = pose[:3], np.degrees(euler_from_quaternion(pose[3:]))
-        values[np.isinf(values)] = np.nan
-        return times, values.T.reshape(2, 3, -1)
+            if player and not seconds:
+                begin, end = player.begin, player.end
+            times, poses = poses_over_time(
+                buffer, *self.frames, begin, end, max(STEP, (end - begin) // _MOST_POINTS))
+            values = np.full((len(poses), 6), np.nan)
+            for value, pose in zip(values, poses):
+                if not np.isnan(pose[6]):
+                    value[:3], value[3:] = pose[:3], np.degrees(euler_from_quaternion(pose[3:]))
+            values[np.isinf(values)] = np.nan
+            self._zero = player.begin if player else end
+        is_visible = not np.isnan(values).all()
+        for plot, columns in zip(self._plots, (values[:, :3], values[:, 3:])):
+            if is_visible:
+                plot.data = ((times - self._zero) / SECOND, *columns.T)
+            plot.visible = is_visible
+        self._span.visible = end is not None
 
 
 def _look_up(buffer: AnyBuffer, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:

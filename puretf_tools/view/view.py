@@ -24,7 +24,7 @@ from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import BagFeed, Descriptions, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.panel import Panel
-from puretf_tools.view.placement import Floats, FrameWatcher, Placement
+from puretf_tools.view.placement import FrameWatcher, Placement
 from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
@@ -71,7 +71,6 @@ class View:
         self._feed, self._clock, self._server, self._first = feed, clock, server, view
         self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
-        self._places = lru_cache(1)(self._places_between)  # of a bag, all viewers see the same
         self._playback = Playback(feed) if isinstance(feed, BagFeed) else None
         self.viewers: dict[int, Viewer] = {}
         server.gui.set_panel_label(feed.name)
@@ -107,15 +106,11 @@ class View:
         viewer, player = self.viewers[number], self._feed.player
         if player and player.is_whole and player.length and not viewer.has_path:
             viewer.has_path = True
-            viewer.first_camera.extend(self._places(player.begin, player.end))
+            for time in np.linspace(player.begin, player.end, _MOMENTS).astype(int).tolist():
+                placement = self._watcher.placement('', time)
+                viewer.first_camera.extend(
+                    placement.points[[name not in placement.far for name in placement.names]])
         return viewer
-
-    def _places_between(self, begin: int, end: int) -> Floats:
-        """Return where the frames of a bag go: (n, 3) (m)."""
-        return np.concatenate([placement.points[
-            [name not in placement.far for name in placement.names]] for placement in (
-                self._watcher.placement('', time) for time in np.linspace(
-                    begin, end, _MOMENTS).astype(np.int64).tolist())])
 
 
 def _newest(buffer: AnyBuffer) -> int:
