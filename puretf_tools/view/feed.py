@@ -152,9 +152,6 @@ class Feed:
         """Say over which hole in the data the shown pose is interpolated; '' if there is none."""
         return ''
 
-    def reset(self) -> None:
-        """Forget all dynamic transforms, if they are live."""
-
 
 class BagFeed(Feed):
     """A bag that is played, perhaps while another thread reads it into the buffer."""
@@ -253,6 +250,3 @@ class LiveFeed(Feed):
         if len(several := [each.node for each in nodes if each.senders]) > 1:
             publisher = f'{" and ".join(several)} (more than one publisher)'
         return summary and summary.average_delay, publisher
-
-    def reset(self) -> None:
-        self.buffer.clear()

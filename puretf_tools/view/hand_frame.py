@@ -39,8 +39,8 @@ class HandFrame:
         self._publisher = publisher
         self._published: Optional[Transform] = None
         self._name = ''
-        #: The name and the parent that were refused, and why.
-        self._refusal = '', '', ''
+        #: By the name and the parent that were refused last: why.
+        self._refusal: dict[tuple[str, str], str] = {}
         #: In the parent: x, y, z (m), roll, pitch, yaw (degrees), and these as a quaternion.
         self._pose: tuple[Vector, Vector, Quaternion] = _ZERO, _ZERO, (0.0, 0.0, 0.0, 1.0)
         gui.add_text('New frame', '').on_update(self._on_name)
@@ -99,8 +99,7 @@ class HandFrame:
             self._publish(transform, problem, self._publisher)
         elif name in placement.frames:
             problem = f'the bag has a frame {name} already'
-        *refused, why = self._refusal
-        shown = (refused == [name, parent] and why) or (problem if name else '')
+        shown = self._refusal.get((name, parent)) or (problem if name else '')
         numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'), (*position, *map(radians, angles)))
         change(self._text, content=html(shown, 'hand') + ('' if problem else copied(
             command_line(parent, name, numbers), 'command')))
@@ -113,7 +112,7 @@ class HandFrame:
                 why = f'not published: {why}'
             else:
                 self._published = transform
-            self._refusal = transform.child_frame_id, transform.frame_id, why
+            self._refusal = {(transform.child_frame_id, transform.frame_id): why}
         if not self._is_on.value:
             self.stop()
         self._is_on.propose(False)

@@ -112,7 +112,7 @@ class Panel:
             if what == _RESET_VIEW:
                 self._settings.reset()
         elif what == _RESET:
-            self._feed.reset()
+            self._feed.buffer.clear()
         elif action == 'step':
             self.look_back(self.back.value + (_STEP if what == 'back' else -_STEP))
         elif action in ('live', 'pause'):

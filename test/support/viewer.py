@@ -237,10 +237,6 @@ class StubFeed(Feed):
         """Return a reason."""
         return 'because'
 
-    def reset(self):
-        """Forget all transforms."""
-        self.buffer.clear()
-
     def send(self, transform, _):
         """Publish a frame."""
         self.sent.append(transform)
