@@ -104,9 +104,11 @@ class View:
             self.viewers[number] = Viewer(client, self._feed, self._server.initial_camera,
                                           self._meshes, self._first, is_alone, self._playback)
         viewer, player = self.viewers[number], self._feed.player
-        if player and player.is_whole and player.length and not viewer.has_path:
+        if not viewer.has_path and (not player or (player.is_whole and player.length)):
             viewer.has_path = True
-            for time in np.linspace(player.begin, player.end, _MOMENTS).astype(int).tolist():
+            end = player.end if player else max(1, _newest(self._feed.buffer))
+            begin = player.begin if player else max(1, end - 2 * LENGTH * SECOND)
+            for time in np.linspace(begin, end, _MOMENTS).astype(np.int64).tolist():
                 placement = self._watcher.placement('', time)
                 viewer.first_camera.extend(
                     placement.points[[name not in placement.far for name in placement.names]])
@@ -126,7 +128,7 @@ class Viewer:
         self._cameras, self._feed = (client.camera, initial_camera), feed
         receive_at_once(client)
         self._client, self._is_alone = client, is_alone
-        self.has_path = False  #: whether the first camera knows the path in a bag
+        self.has_path = False  #: whether the first camera knows where the frames go
         self._click = [0.0, 0.0]  # in a plot: its number, and the time there (s)
         #: The time that is shown, and of a bag, the one that is wanted (ns); 0: the latest.
         self._until = self._goal = 0

@@ -690,6 +690,16 @@ def test_a_late_report_of_the_camera(page, clock):
         shown.until(lambda: viewer.distance() > 1.5 * x)  # noqa: B023
 
 
+def test_the_first_camera_shows_where_frames_have_been(page):
+    """In the last 40 s, before the page was opened."""
+    buffer = TransformBuffer(40 * S)
+    for second in range(41):
+        buffer.insert(T + second * S, 'map', 'base', pose(-float(second) if second < 30 else 0.0))
+    shown = page(buffer)
+    shown.until(lambda: shown.viewer.distance() > 40.0)
+    assert shown.viewer.last['SetCameraLookAtMessage']['look_at'][0] < -11.0
+
+
 def test_names_that_would_cover_others(page):
     """They are left out on a small page, but not that of the selected frame."""
     buffer = TransformBuffer()
