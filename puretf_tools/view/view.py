@@ -234,8 +234,7 @@ class Viewer:
         change(panel.details, content=details(placement, selected, self._feed, self._buffer))
         panel.robot.update(*self._scene.body.lines())
         panel.pair.update(self._buffer, self._until)
-        if not self.pace.is_blocked:
-            self.pace.store(self._settings.as_json())
+        self.pace.store(self._settings.as_json())
 
     def _go_to(self, time: int) -> None:
         if player := self._feed.player:
@@ -295,18 +294,17 @@ class Pace:
 
     def __init__(self, client: viser.ClientHandle, key: str) -> None:
         """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
-        self._client, self._key = client, key
+        self._storage, self._key = client.local_storage, key
         self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
         self.stored: Optional[str] = None  #: the view, as the browser has stored it
         self.page = [0.0, 0.0, 0.0, 0.0]  #: what head.html says; see there
-        self.is_blocked = False  #: True if the browser stores nothing
-        self.is_waiting = True  #: True until the last update has been handled
         self.error: Optional[Exception] = None  #: what has ended the thread
+        self.when_handled(self._read)
         Thread(target=self._work, daemon=True).start()
 
     def when_handled(self, move: Callable[[], object]) -> None:
         """Call a function in another thread, as soon as what was sent before has been handled."""
-        self.is_waiting = True
+        self.is_waiting = True  #: until the last update has been handled
         self._moves.put(move)
 
     def close(self) -> None:
@@ -316,24 +314,19 @@ class Pace:
         """Let the browser store a text, in place of the one before, if it can send it back."""
         if text != self.stored and len(text) < _LONGEST_STORED:
             self.stored = text
-            self._client.local_storage.set_item(self._key, text)
+            self._storage.set_item(self._key, text)
 
-    def _note(self, answer: Optional[str]) -> None:
-        if answer and len(page := [*map(float, answer.split())]) == len(self.page):
-            self.page = page
+    def _read(self) -> None:
+        with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
+            self.stored = self._storage.get_item(self._key)
 
     def _work(self) -> None:
-        get = self._client.local_storage.get_item
         try:
-            try:  # a browser that is slow must not begin anew, and store that
-                self.stored = get(self._key)
-                self._note(get(PAGE))
-            except RuntimeError:  # or the viewer has left
-                self.is_blocked = True
-            self.is_waiting = False
             while move := self._moves.get():
-                with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
-                    self._note(get(PAGE))
+                with suppress(RuntimeError):  # as in `_read`
+                    page = [*map(float, (self._storage.get_item(PAGE) or '').split())]
+                    if len(page) == len(self.page):
+                        self.page = page
                 move()
                 self.is_waiting = False
         except Exception as error:
