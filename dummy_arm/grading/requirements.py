@@ -2,14 +2,14 @@
 The requirements of the lab's final task, and the check whether the transforms of an arm meet them.
 
 The check needs no ROS: its input is a list of received or recorded messages. A requirement is
-judged by a pure function of the transforms, and of the results of the requirements that it needs.
+judged by a pure function of the transforms, if the requirements that it needs are met.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import degrees, log, pi, radians
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any, Optional
 
 import numpy as np
 
@@ -48,39 +48,60 @@ def _not_judged(why: str, measured: str = '', value: Any = None) -> Line:
     return Line(measured, why, value=value, verdict=Verdict.NOT_JUDGED)
 
 
-class Requirement(NamedTuple):
-    """A requirement of the sheet, or a good practice."""
-
-    text: str
-    needs: tuple[str, ...]  #: the texts of other requirements
-    judge: Callable[[Arm, SheetFrame, Mapping[str, Line]], Line]
-    edge: SheetFrame = SheetFrame('', '', (0.0, 0.0, 0.0))  #: the one that is judged; else the arm
-
-
 def check(arm: Arm) -> Report:
     """Check whether the transforms of an arm meet the requirements."""
-    lines: dict[str, Line] = {}
-    for each in (*REQUIREMENTS, *PRACTICES):
-        needed = {text: lines[text] for text in each.needs}
-        why = _why_not(each.edge.name, needed)
-        line = _not_judged(why) if why else each.judge(arm, each.edge, needed)
+    lines: list[Line] = []
+
+    def judge(text: str, needs: Sequence[Line], judged: Callable[..., Line], *edge: SheetFrame
+              ) -> Line:
+        """Add the line of an edge, or of the arm, which may need that other lines are ok."""
+        name = edge[0].name if edge else ''
+        unmet = [each.requirement for each in needs if name in each.broken]
+        line = _not_judged(f'It is not judged, since this is not met: {unmet[0]}.'
+                           ) if unmet else judged(arm, *edge)
         verdict = line.verdict or (Verdict.NOT_OK if line.text else Verdict.OK)
-        if each in PRACTICES:
-            verdict = (Verdict.NOT_JUDGED if not line.measured else
-                       Verdict.ADVICE if line.text else Verdict.OK)
-        follows = verdict == Verdict.NOT_JUDGED and bool(why or (not each.edge.name and any(
-            other.verdict == Verdict.NOT_OK or other.follows for other in needed.values())))
-        lines[each.text] = line._replace(requirement=each.text, verdict=verdict, follows=follows)
-    found = [lines[each.text] for each in REQUIREMENTS]
-    passed = all(line.verdict == Verdict.OK for line in found
-                 if arm.reaches_late_joiners is not None or line.requirement != _LATE)
-    return Report(found, [lines[each.text] for each in PRACTICES], passed)
+        follows = verdict == Verdict.NOT_JUDGED and (bool(unmet) or (not edge and any(
+            each.verdict == Verdict.NOT_OK or each.follows for each in needs)))
+        lines.append(line._replace(requirement=text, verdict=verdict, follows=follows))
+        return lines[-1]
 
+    valid = judge('all transforms are valid', (), _validity)
+    in_tree = valid, judge('the tree', (valid,), _tree)
+    now = judge('the stamps are the current time', (), _stamps)
+    static = judge('base_link is on /tf_static', in_tree, _base_on_tf_static, BASE)
+    judge('base_link is fixed at the origin of map', in_tree, _base_at_origin, BASE)
+    late = judge('base_link reaches a late listener', (*in_tree, static), _late_joiner, BASE)
+    for edge in SHEET[1:]:
+        judge(f'{edge.name} is {edge.place} from {edge.parent}', in_tree, _position, edge)
+    needs = {joint: [*in_tree] for joint in JOINTS}
+    for text, judged in (('turns about z only', _axis), ('moves', _motion),
+                         ('stays within ±{:.0f}°', _limit)):
+        for joint, needed in needs.items():
+            needed.append(judge(
+                f'{joint.name} {text.format(degrees(joint.limit))}', needed, judged, joint))
+    waves = [judge(f'{joint.name} moves as a sine', [*needed, now], _sine, joint)
+             for joint, needed in needs.items()]
+    sines = [line.value for line in waves]
+    speeds = judge('the joints have three different speeds', waves, lambda _: _speeds(sines))
+    judge('end_effector does not move in joint_3', in_tree, _hand, HAND)
+    passed = all(line.verdict == Verdict.OK for line in lines
+                 if arm.reaches_late_joiners is not None or line is not late)
 
-def _why_not(name: str, needed: Mapping[str, Line]) -> str:
-    """Return why nothing that needs some results can be judged for a frame; '' if it can be."""
-    return next((f'It is not judged, since this is not met: {text}.'
-                 for text, result in needed.items() if name in result.broken), '')
+    intact = [joint for joint, needed in needs.items()
+              if not any(joint.name in line.broken for line in needed)]
+    practices = {
+        'at least 10 messages per second': _rate(arm),
+        'the motion follows the clock': _clock(sines),
+        'all frames have the same stamp': _same_stamp(arm, has_wrong_stamps=bool(now.broken)),
+        'the joints use at least half of their limits': _use_of_limits(arm, intact),
+        'each broadcaster is created once': _broadcasters(arm),
+        'base_link is sent once': _base_sent_once(arm),
+        'no other frames on /tf and /tf_static': _other_frames(arm),
+        'speeds of about 0.3, 0.5 and 0.7 rad/s': _usual_speeds(speeds.value or (), sines),
+        'all numbers are floats': _floats(arm)}
+    return Report(lines, [line._replace(requirement=text, verdict=(
+        Verdict.NOT_JUDGED if not line.measured else Verdict.ADVICE if line.text else Verdict.OK))
+        for text, line in practices.items()], passed)
 
 
 def _first(faults: Mapping[str, Fault], otherwise: str) -> Line:
@@ -91,7 +112,7 @@ def _first(faults: Mapping[str, Fault], otherwise: str) -> Line:
 # Transforms and tree
 
 
-def _validity(arm: Arm, *_: Any) -> Line:
+def _validity(arm: Arm) -> Line:
     """Judge the numbers: tf2 ignores transforms with NaN, and with a quaternion of norm 0."""
     if not arm.samples:
         return Line('no transform', causes.recreation(arm) or (
@@ -102,7 +123,7 @@ def _validity(arm: Arm, *_: Any) -> Line:
     return _first(faults, f'{sum(len(each.poses) for each in arm.samples.values())} transforms')
 
 
-def _tree(arm: Arm, *_: Any) -> Line:
+def _tree(arm: Arm) -> Line:
     faults = {edge.name: fault for edge in SHEET if (fault := causes.fault_of_edge(arm, edge))}
     if 'map' in arm.samples and not faults:
         parents = comma_list([*arm.samples['map'].parents], shortened)
@@ -111,7 +132,7 @@ def _tree(arm: Arm, *_: Any) -> Line:
     return _first(faults, f'{len(FRAMES)} frames in a chain')
 
 
-def _stamps(arm: Arm, *_: Any) -> Line:
+def _stamps(arm: Arm) -> Line:
     known = {name: samples for name, samples in arm.moving.items() if samples.times.all()}
     if not known:
         return _not_judged('The bag has no times.' if arm.moving else
@@ -125,30 +146,30 @@ def _stamps(arm: Arm, *_: Any) -> Line:
 # base_link and end_effector
 
 
-def _base_on_tf_static(arm: Arm, *_: Any) -> Line:
-    is_static = arm.samples[BASE.name].is_static
+def _base_on_tf_static(arm: Arm, base: SheetFrame) -> Line:
+    is_static = arm.samples[base.name].is_static
     if is_static.all():
         return Line('/tf_static')
     if is_static.any():
         return Line('on both', 'map → base_link is sent on /tf, too: do not send it in the timer.',
-                    [BASE.name])
+                    [base.name])
     return Line('/tf', 'map → base_link is sent on /tf: use StaticTransformBroadcaster, which '
-                'sends on /tf_static.', [BASE.name])
+                'sends on /tf_static.', [base.name])
 
 
-def _base_at_origin(arm: Arm, *_: Any) -> Line:
-    samples = arm.samples[BASE.name]
-    position = _farthest(samples.positions, BASE.position)
+def _base_at_origin(arm: Arm, base: SheetFrame) -> Line:
+    samples = arm.samples[base.name]
+    position = _farthest(samples.positions, base.position)
     measured = metres(position)
     if (angle := largest_angle(samples.rotations[:, :3])) > _ROTATION_TOLERANCE:
         return Line(f'{measured}, rotated by {in_degrees(angle)}', (
             causes.WRONG_ORDER if samples.has_wrong_order else
             'base_link must not be rotated in map: the quaternion is (0, 0, 0, 1).'))
-    return Line(measured, '' if is_near(position, BASE.position) else
+    return Line(measured, '' if is_near(position, base.position) else
                   'The translation of base_link in map must be (0, 0, 0).')
 
 
-def _late_joiner(arm: Arm, *_: Any) -> Line:
+def _late_joiner(arm: Arm, _: SheetFrame) -> Line:
     if arm.reaches_late_joiners is None:
         return _not_judged('This was not observed.')
     return Line('received') if arm.reaches_late_joiners else Line(
@@ -156,10 +177,10 @@ def _late_joiner(arm: Arm, *_: Any) -> Line:
         'its StaticTransformBroadcaster as long as the program runs.')
 
 
-def _hand(arm: Arm, *_: Any) -> Line:
-    if HAND.name in arm.moving and (silence := causes.of_silence(arm, HAND.name)):
+def _hand(arm: Arm, hand: SheetFrame) -> Line:
+    if hand.name in arm.moving and (silence := causes.of_silence(arm, hand.name)):
         return Line('', silence)
-    rotations = arm.samples[HAND.name].rotations
+    rotations = arm.samples[hand.name].rotations
     # The angle between two rotations is 2 acos(|q1 · q2|); the absolute value, because q and
     # -q are the same rotation.
     angle = 2 * float(np.arccos(min(1.0, abs(rotations @ rotations[0]).min())))
@@ -174,14 +195,14 @@ def _hand(arm: Arm, *_: Any) -> Line:
 # Positions and joints
 
 
-def _position(arm: Arm, edge: SheetFrame, _: Any) -> Line:
+def _position(arm: Arm, edge: SheetFrame) -> Line:
     positions = arm.samples[edge.name].positions
     position = _farthest(positions, edge.position)
     return Line(metres(position), '' if is_near(position, edge.position) else
                   causes.of_position(edge, positions, position))
 
 
-def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Line:
+def _axis(arm: Arm, joint: SheetFrame) -> Line:
     samples = arm.samples[joint.name]
     x, y, z = abs(samples.rotations[:, :3]).max(axis=0)
     if largest_angle(samples.rotations[:, :2]) <= _ROTATION_TOLERANCE:
@@ -194,7 +215,7 @@ def _axis(arm: Arm, joint: SheetFrame, _: Any) -> Line:
         'quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.'), [joint.name])
 
 
-def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
+def _motion(arm: Arm, joint: SheetFrame) -> Line:
     samples = arm.samples[joint.name]
     if samples.is_static.all():
         return Line('on /tf_static', causes.static_joints(arm), [joint.name])
@@ -211,7 +232,7 @@ def _motion(arm: Arm, joint: SheetFrame, _: Any) -> Line:
         'from the current time.'), [joint.name])
 
 
-def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
+def _limit(arm: Arm, joint: SheetFrame) -> Line:
     angles = arm.samples[joint.name].angles
     largest = arm.samples[joint.name].largest_angle
     measured = f'{in_degrees(float(angles.min()))} to {in_degrees(float(angles.max()))}'
@@ -226,7 +247,7 @@ def _limit(arm: Arm, joint: SheetFrame, _: Any) -> Line:
     return Line(measured, causes.of_excess(arm, joint))
 
 
-def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Line:
+def _sine(arm: Arm, joint: SheetFrame) -> Line:
     samples = arm.samples[joint.name]
     usable = (samples.times == 0) | (abs(samples.delays) < causes.LARGEST_DELAY)
     stamps = samples.stamps[usable]
@@ -253,15 +274,15 @@ def _sine(arm: Arm, joint: SheetFrame, _: Any) -> Line:
                   '' if found else causes.of_wave(joint, times, angles, sine), value=found)
 
 
-def _speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    sines: list[Sine] = [result.value for result in needed.values()]
-    for joint, sine in zip(JOINTS, sines):
+def _speeds(found: Sequence[Optional[Sine]]) -> Line:
+    for joint, sine in zip(JOINTS, found):
         if sine and sine.periods < _SLOW and sine.span >= causes.LONG_ENOUGH:
             return Line(f'{joint.name}: less than {sine.speed:.2g} rad/s', (
                 f'{joint.name} is much too slow: {causes.UNIT_OF_TIME} Or is the speed converted? '
                 f'About {joint.speed} rad/s is in radians already: do not convert it.'))
         if not sine or sine.periods < _SHORTEST_WAVE:
             return _not_judged(f'The speed of {joint.name} cannot be measured.')
+    sines = [*filter(None, found)]
     # The speed on the sheet can be that of the phase, or the largest one that a joint reaches.
     speeds, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
     measured = f'{_in_words(speeds)} rad/s (phase)'
@@ -295,38 +316,10 @@ def _farthest(positions: Floats, expected: Vector) -> Vector:
     return x, y, z
 
 
-_VALID, _TREE, _NOW = 'all transforms are valid', 'the tree', 'the stamps are the current time'
-_STATIC, _LATE = 'base_link is on /tf_static', 'base_link reaches a late listener'
-_SPEEDS = 'the joints have three different speeds'
-_IN_TREE = _VALID, _TREE
-#: By joint: the texts of what each needs, in this order.
-_AXIS, _MOVES, _STAYS, _WAVES = (
-    {joint: f'{joint.name} {text.format(degrees(joint.limit))}' for joint in JOINTS} for text in (
-        'turns about z only', 'moves', 'stays within ±{:.0f}°', 'moves as a sine'))
-REQUIREMENTS = (
-    Requirement(_VALID, (), _validity),
-    Requirement(_TREE, (_VALID,), _tree),
-    Requirement(_NOW, (), _stamps),
-    Requirement(_STATIC, _IN_TREE, _base_on_tf_static, BASE),
-    Requirement('base_link is fixed at the origin of map', _IN_TREE, _base_at_origin, BASE),
-    Requirement(_LATE, (*_IN_TREE, _STATIC), _late_joiner, BASE),
-    *(Requirement(f'{edge.name} is {edge.place} from {edge.parent}', _IN_TREE, _position, edge)
-      for edge in SHEET[1:]),
-    *(Requirement(text, _IN_TREE, _axis, joint) for joint, text in _AXIS.items()),
-    *(Requirement(text, (*_IN_TREE, _AXIS[joint]), _motion, joint)
-      for joint, text in _MOVES.items()),
-    *(Requirement(text, (*_IN_TREE, _AXIS[joint], _MOVES[joint]), _limit, joint)
-      for joint, text in _STAYS.items()),
-    *(Requirement(text, (*_IN_TREE, _AXIS[joint], _MOVES[joint], _STAYS[joint], _NOW), _sine,
-                  joint) for joint, text in _WAVES.items()),
-    Requirement(_SPEEDS, tuple(_WAVES.values()), _speeds),
-    Requirement('end_effector does not move in joint_3', _IN_TREE, _hand, HAND))
-
-
 # Good practice
 
 
-def _rate(arm: Arm, *_: Any) -> Line:
+def _rate(arm: Arm) -> Line:
     steps = {name: np.diff(samples.times) for name, samples in arm.moving.items()}
     # The usual rate: in a bag, a part may be missing.
     rates = {name: 1.0 / step for name, each in steps.items()
@@ -336,80 +329,66 @@ def _rate(arm: Arm, *_: Any) -> Line:
                   f'{name} is sent {rate:.1f} times a second: its motion does not look smooth.')
 
 
-def _clock(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    sines: list[Sine] = [result.value for result in needed.values() if result.value]
-    if any(sine.has_fixed_step for sine in sines):
+def _clock(sines: Sequence[Optional[Sine]]) -> Line:
+    if _has_fixed_step(sines):
         return Line('a sine of the number of the message',
                       'Use the clock: with a fixed step, the speed depends on the rate.')
-    return Line('a sine of the time' if sines else '')
+    return Line('a sine of the time' if any(sines) else '')
 
 
-def _same_stamp(arm: Arm, _: SheetFrame, needed: Mapping[str, Line]) -> Line:
+def _has_fixed_step(sines: Sequence[Optional[Sine]]) -> bool:
+    return any(sine.has_fixed_step for sine in sines if sine)
+
+
+def _same_stamp(arm: Arm, has_wrong_stamps: bool) -> Line:
     stamps = [set(samples.stamps.tolist()) for samples in arm.moving.values()]
     same = len(set.intersection(*stamps)) / max(map(len, stamps)) if stamps else 0.0
     nodes = {each.gid: (each.node, each.pid) for each in arm.publishers}
     senders = {nodes.get(gid, gid) for samples in arm.moving.values()
                for gid in samples.publishers}
     # Several nodes cannot share a stamp; a wrong stamp is a fault of its own.
-    can_share = len(senders - {NOT_RECORDED}) == 1 and not needed[_NOW].broken
+    can_share = len(senders - {NOT_RECORDED}) == 1 and not has_wrong_stamps
     return Line(f'{100 * same:.0f} % of the ticks' if len(stamps) > 1 and (
                     same >= _SAME_STAMP or can_share) else '',
                 '' if same >= _SAME_STAMP else
                 'Call get_clock().now() once in each tick, and use it for all frames.')
 
 
-def _use_of_limits(arm: Arm, _: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    used = {joint.name: arm.samples[joint.name].largest_angle / joint.limit
-            for joint in JOINTS if not _why_not(joint.name, needed)}
+def _use_of_limits(arm: Arm, joints: Sequence[SheetFrame]) -> Line:
+    used = {joint.name: arm.samples[joint.name].largest_angle / joint.limit for joint in joints}
     name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
     return Line(', '.join(f'{100 * each:.0f} %' for each in used.values()),
                   '' if part >= _USED else f'{name} uses only {100 * part:.0f} % of its limit.')
 
 
-def _broadcasters(arm: Arm, *_: Any) -> Line:
+def _broadcasters(arm: Arm) -> Line:
     is_known = {gid for _, gid in arm.frames_of} - {NOT_RECORDED, ''}
     return Line(f'{len(arm.frames_of)} publishers' if is_known else '', causes.recreation(arm))
 
 
-def _base_sent_once(arm: Arm, *_: Any) -> Line:
+def _base_sent_once(arm: Arm) -> Line:
     samples = arm.samples.get(BASE.name)
     count = int(samples.is_static.sum()) if samples else 0
     return Line(f'messages: {count}' if count else '', '' if count <= _MOST_STATIC else
                   'Send map → base_link once, in __init__: a late listener also receives it.')
 
 
-def _other_frames(arm: Arm, *_: Any) -> Line:
+def _other_frames(arm: Arm) -> Line:
     return Line(f'{len(arm.others)} other frames' if arm.samples else '',
                   f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
 
 
-def _usual_speeds(_: Arm, __: SheetFrame, needed: Mapping[str, Line]) -> Line:
-    speeds: Sequence[float] = needed[_SPEEDS].value or ()
-    has_fixed_step = bool(needed[_CLOCK].text)
-    cause = next((causes.of_speed(joint, speed, has_fixed_step)
+def _usual_speeds(speeds: Sequence[float], sines: Sequence[Optional[Sine]]) -> Line:
+    cause = next((causes.of_speed(joint, speed, _has_fixed_step(sines))
                   for joint, speed in zip(JOINTS, speeds)
                   if not 1 / SPEED_FACTOR <= speed / joint.speed <= SPEED_FACTOR), '')
     return Line(_in_words(speeds), cause or (
         '' if _are_in_order(speeds) else causes.of_speeds(speeds)))
 
 
-def _floats(arm: Arm, *_: Any) -> Line:
+def _floats(arm: Arm) -> Line:
     if arm.int_line:
         return Line(f'an int in line {arm.int_line}', causes.USE_FLOATS)
     if any(causes.has_ints(samples.poses) for samples in arm.samples.values()):
         return Line('an int', causes.USE_FLOATS)
     return Line('no sign of an int' if arm.samples else '')
-
-
-_CLOCK = 'the motion follows the clock'
-PRACTICES = (
-    Requirement('at least 10 messages per second', (), _rate),
-    Requirement(_CLOCK, tuple(_WAVES.values()), _clock),
-    Requirement('all frames have the same stamp', (_NOW,), _same_stamp),
-    Requirement('the joints use at least half of their limits', (
-        *_IN_TREE, *_AXIS.values(), *_MOVES.values(), *_STAYS.values()), _use_of_limits),
-    Requirement('each broadcaster is created once', (), _broadcasters),
-    Requirement('base_link is sent once', (), _base_sent_once),
-    Requirement('no other frames on /tf and /tf_static', (), _other_frames),
-    Requirement('speeds of about 0.3, 0.5 and 0.7 rad/s', (_SPEEDS, _CLOCK), _usual_speeds),
-    Requirement('all numbers are floats', (), _floats))
