@@ -11,9 +11,7 @@ from itertools import pairwise
 import math
 from typing import Any, NamedTuple, Optional
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.clock import Clock, ROSClock
-from rclpy.clock_type import ClockType
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -31,8 +29,6 @@ from puretf_tools.cli.node import run_node
 from puretf_tools.cli.parser import add_namespace_option, Parser, run
 from puretf_tools.inspection.joint_states import JointStateReader
 
-#: The time between warnings while no message has arrived on /clock (s).
-CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
 #: The default and the meaning of the parameters that cannot be changed.
 READ_ONLY: dict[str, tuple[Any, str]] = {
@@ -129,17 +125,15 @@ class DummyArm(Node):
             JointState, '~/joint_command', self._obey, 10, raw=True)
         self._reader = JointStateReader(self, self._commands.topic_name)
         self._timer = self.create_timer(1.0 / self._value('rate'), self._tick)
-        self.create_timer(
-            CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        if self._value('use_sim_time'):
+            self.get_logger().info('use_sim_time is true: waiting for a message on /clock')
         self.add_post_set_parameters_callback(self._apply)
 
     def _declare_parameters(self) -> None:
         for name, quantity in QUANTITIES.items():
             # Dynamic typing accepts integers, too; `_check` checks the value.
             self.declare_parameter(name, quantity.default, ParameterDescriptor(
-                dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})',
-                floating_point_range=[FloatingPointRange(
-                    from_value=quantity.smallest, to_value=quantity.largest)]))
+                dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})'))
         for name, (default, meaning) in READ_ONLY.items():
             self.declare_parameter(name, default, ParameterDescriptor(
                 read_only=True, description=meaning))
@@ -195,12 +189,6 @@ class DummyArm(Node):
     def _seconds(self, time_ns: int) -> float:
         """Return the time from the first tick to `time_ns` (s); 0 before the first tick."""
         return 0.0 if self._start_ns is None else (time_ns - self._start_ns) * 1e-9
-
-    def _warn_of_clock(self) -> None:
-        clock = self.get_clock()
-        if self._start_ns is None and isinstance(clock, ROSClock) and clock.ros_time_is_active:
-            self.get_logger().warning(
-                'waiting for /clock: use_sim_time is true, but no message has arrived on /clock')
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
