@@ -43,11 +43,3 @@ def descendants(spared: Collection[int] = ()) -> list[psutil.Process]:
     for parent in found:  # it grows
         found += [each for each in running if each.info['ppid'] == parent.pid]
     return found
-
-
-def is_descendant(pid: int) -> bool:
-    """Return whether this process has started another one, or that one has ended, as pkill has."""
-    try:
-        return os.getpid() in [each.pid for each in psutil.Process(pid).parents()]
-    except psutil.NoSuchProcess:
-        return True

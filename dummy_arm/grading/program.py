@@ -2,8 +2,7 @@
 
 import ast
 from contextlib import suppress
-from importlib.util import find_spec
-from io import BytesIO
+from importlib.util import decode_source, find_spec
 import os
 from pathlib import Path
 import re
@@ -12,7 +11,6 @@ import signal
 import subprocess
 import sys
 import time
-import tokenize
 
 from puretf._text.names import abbreviated, comma_list, quoted, visible
 from puretf_tools.cli.parser import CommandError
@@ -95,7 +93,7 @@ def _source(path: Path) -> str:
     if len(data) > _LONGEST_SOURCE:
         raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
     try:
-        return data.decode(tokenize.detect_encoding(BytesIO(data).readline)[0])
+        return decode_source(data)
     except (SyntaxError, LookupError, UnicodeError) as error:
         raise ProgramError(
             'It is not text in UTF-8, but perhaps a PDF: hand in the source, a .py file, saved as '
@@ -110,10 +108,9 @@ def _parsed(source: str, path: Path) -> ast.Module:
     try:
         tree = ast.parse(source, str(path))
         compile(tree, str(path), 'exec')
-    except (SyntaxError, ValueError) as error:  # ValueError: it has surrogates
-        line, why = getattr(error, 'lineno', None), getattr(error, 'msg', str(error))
-        where = f'line {line}: ' if line else ''
-        raise ProgramError(f'It does not compile: {where}{why}.') from None
+    except SyntaxError as error:
+        where = f'line {error.lineno}: ' if error.lineno else ''
+        raise ProgramError(f'It does not compile: {where}{error.msg}.') from None
     return tree
 
 

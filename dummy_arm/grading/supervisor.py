@@ -100,7 +100,7 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         report = observer.report(program.int_line, '' if has_begun else program.place(), watch)
         program.check()
         fault = '' if report.passed else observer.listener.wrong_type_hint()
-        if not observer.publishers:
+        if not observer.publishers and not report.passed:
             fault = _other_domain(domain) or fault
         if ours := _arm_of_package(observer):
             return Grade(file, None, ours, Verdict.NOT_OK)
@@ -108,8 +108,6 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
             fault = f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?'
     finally:
         program.end()
-    if fault:
-        report = report._replace(passed=False)
     first = report.first_failure
     return Grade(file, report, fault or report.reason, Verdict.NOT_OK if fault else
                  first.verdict if first else Verdict.OK)
