@@ -103,9 +103,10 @@ def _wait_for_signal() -> None:
     """Wait for a moment; raise KeyboardInterrupt at a signal that comes from no program."""
     if not (received := signal.sigtimedwait(_SIGNALS, _STEP)):
         return
-    # A terminal has no process id. A process that has ended may have been `pkill`.
-    if not (sender := received.si_pid) or (os.path.exists(f'/proc/{sender}') and sender not in [
-            each.pid for each in processes.descendants()]):
+    # A terminal has no process id. A process that has ended, also just now, may have been `pkill`.
+    sender = received.si_pid
+    if not sender or (sender not in [each.pid for each in processes.descendants()]
+                      and os.path.exists(f'/proc/{sender}')):
         raise KeyboardInterrupt
     print(f'check_arm: warning: {signal.Signals(received.si_signo).name} is ignored, since '
           'a program may have sent it; Ctrl-C ends check_arm', file=sys.stderr)
