@@ -21,7 +21,7 @@ def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
 
     :param files: the paths of the programs, or of the folders in which they lie.
     :param seconds: how long to observe each arm (s).
-    :param jobs: how many programs run at the same time, at most 17.
+    :param jobs: how many programs run at the same time: at most 17, since each has a ROS domain.
     :param on_wait: called every 0.05 s with the number of hand-ins that are graded, and with what
         is waited for.
     :returns: an iterator of the grades, in the order in which the programs end; closing it ends

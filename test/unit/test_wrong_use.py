@@ -12,9 +12,9 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
         'give files of programs, or --bag, or --frames': [
             'a.py --bag b', '--frames f.pdf --bag b'],
         '--time is for programs and the arm that is running, not for a bag': ['--bag b --time 9'],
-        '--time must be at least 1 s, and at most 3600 s, got 0.5': ['--time 0.5'],
+        'the time to listen must be more than 0 s': ['--time 0'],
         "'nan' is not finite": ['--time nan'],
-        '--jobs must be at least 1, and at most 17, got 0': ['a.py --jobs 0'],
+        '--jobs must be at least 1, got 0': ['a.py --jobs 0'],
         'is for programs, not for the arm that is running': ['--jobs 2', '--csv out.csv'],
         '--feedback is for programs and': ['--feedback d --bag b', '--feedback d --frames f.pdf'],
         '--namespace is for a bag and the arm': ['a.py --namespace robot'],
