@@ -22,6 +22,7 @@ from puretf_tools.cli.files import whole_file
 from puretf_tools.cli.parser import CommandError, Parser, run, UsageError
 from puretf_tools.cli.progress import listening_time, progress, wait
 from puretf_tools.inspection.forest import Forest
+from puretf_tools.inspection.graph import as_dot, draw, DrawingError
 from puretf_tools.inspection.terminal import columns, wrapped
 
 #: The bar while programs are run.
@@ -57,10 +58,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
             print(result.line)
             rows[result.file] = _row(result)
             if feedback:
-                try:
-                    _write_feedback(Path(feedback), result)
-                except (CommandError, OSError) as error:  # the table is the record
-                    _warn(error)
+                _write_feedback(Path(feedback), result)
     except KeyboardInterrupt:
         count = sum(row['verdict'] == Verdict.NOT_RUN for row in rows.values())
         raise CommandError(f'interrupted: {count} of {len(rows)} were not run') from None
@@ -116,13 +114,18 @@ def _write_feedback(directory: Path, result: Grade) -> None:
     path = directory / f'{inside[1:] or os.path.basename(os.path.abspath(result.file))}.txt'
     report = ['', *format_report(result.report)] if result.report else []
     drawing = ['', f'frames.pdf: {result.drawing}'] if result.drawing else []
-    _write(path, '\n'.join([result.line, *report, *drawing, '']).encode(errors='backslashreplace'))
+    text = '\n'.join([result.line, *report, *drawing, ''])
+    _write(path, lambda: text.encode(errors='backslashreplace'))
 
 
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as part:
-        part.write_bytes(content)
+def _write(path: Path, content: Callable[[], bytes]) -> None:
+    """Write a file; warn if it cannot be written: the others and the result matter more."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as part:
+            part.write_bytes(content())
+    except (CommandError, DrawingError, OSError, TransformException) as error:
+        _warn(f'{path} is not written: {error}')
 
 
 # The arm that is running, and a bag
@@ -149,18 +152,11 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str],
 def _write_hand_in(directory: Path, report: Report, observer: Observer) -> None:
     """Write the report of an arm that is running, its frames.pdf and a picture of it."""
     from dummy_arm.grading.picture import picture
-    from puretf_tools.inspection.graph import as_dot, draw, DrawingError
     listener = observer.listener
     dot = as_dot(Forest(listener.frames()), listener.now())
-    contents: dict[str, Callable[[], bytes]] = {
-        'report.txt': lambda: '\n'.join([*format_report(report), '']).encode(),
-        'frames.pdf': lambda: draw(dot, 'pdf'),
-        'arm.svg': lambda: picture(listener.buffer).encode()}
-    for name, content in contents.items():
-        try:
-            _write(directory / name, content())
-        except (DrawingError, TransformException) as error:
-            _warn(f'cannot write {directory / name}: {error}')
+    _write(directory / 'report.txt', lambda: '\n'.join([*format_report(report), '']).encode())
+    _write(directory / 'frames.pdf', lambda: draw(dot, 'pdf'))
+    _write(directory / 'arm.svg', lambda: picture(listener.buffer).encode())
 
 
 def _check_bag(option: BagOption) -> Report:
