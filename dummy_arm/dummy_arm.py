@@ -230,8 +230,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     add_namespace_option(parser, 'publish on', 'tf', 'tf_static', 'joint_states',
                          'robot_description')
     return run(parser, partial(run_node, DummyArm), args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm import entry_points
-    raise SystemExit(entry_points.dummy_arm())

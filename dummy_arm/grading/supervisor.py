@@ -26,7 +26,7 @@ from puretf_tools.cli.signals import wait_until
 #: How long to wait before the next look at the processes (s).
 _SCAN_INTERVAL = 0.25
 #: An argument by which a process runs the arm of this package.
-_OURS = re.compile(r'(.*/)?dummy_arm(\.dummy_arm)?|.*\bdummy_arm\.entry_points\b.*', re.DOTALL)
+_OURS = re.compile(r'(.*/)?dummy_arm|.*\bdummy_arm\.entry_points\b.*', re.DOTALL)
 #: The limits of all processes of a hand-in together.
 _MOST_PROCESSES, _MOST_MEMORY = 128, 2 * 2**30
 

@@ -7,6 +7,7 @@ import re
 from cli_runner import call
 from environment import ROOT
 import numpy as np
+from processes import ARM
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -136,17 +137,13 @@ def arm(domain_id):
 
 
 def test_early_and_late_subscribers_get_the_arm(ros, start):
-    """
-    Both get the static transform; the joints follow the formula at their stamps.
-
-    The program, which `python -m` runs, too, ends normally by Ctrl-C.
-    """
+    """Both get the static transform; the joints follow the formula at their stamps."""
     joints: list[TFMessage] = []
     statics: list[TFMessage] = []
     late: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf', joints.append, 1000)
     ros.node.create_subscription(TFMessage, '/tf_static', statics.append, LATCHED)
-    process = start('-m', 'dummy_arm.dummy_arm')
+    process = start(*ARM)
     log = re.fullmatch(
         r'\[INFO\] .*: publishing map -> base_link on /tf_static, base_link -> joint_1 -> '
         r'joint_2 -> joint_3 -> end_effector on /tf, joint angles on /joint_states at 50 Hz; '

@@ -9,7 +9,7 @@ from typing import Any
 
 from cli_runner import call
 from messages import written
-from processes import TIMEOUT
+from processes import ARM, TIMEOUT
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
@@ -125,8 +125,7 @@ def test_two_users_of_one_computer(start, domain_id):
     """Nothing arrives from the other one, who is named."""
     with TemporaryDirectory() as logs:  # those above tmp_path are closed to others
         os.chmod(logs, 0o777)
-        arm = start('-c', OTHER_USER, '-m', 'dummy_arm.dummy_arm',
-                    environment={'ROS_LOG_DIR': logs})
+        arm = start('-c', OTHER_USER, *ARM, environment={'ROS_LOG_DIR': logs})
         arm.line_with('publishing')
         result = call(tf_doctor.main, '--json', domain=domain_id)
         arm.end(signal.SIGINT)
