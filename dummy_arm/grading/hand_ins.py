@@ -1,8 +1,8 @@
 """Run hand-ins, several at the same time, each under a process of its own."""
 
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection
 import os
 import random
@@ -39,15 +39,24 @@ supervise(connection, *arguments)
 
 def graded(files: Sequence[str], seconds: float, jobs: int,
            on_wait: Callable[[int, str], object]) -> Generator[Grade, None, None]:
-    """Yield what `dummy_arm.grading.grade` returns."""
+    """Yield what `dummy_arm.grading.grade` returns; block signals and adopt orphans meanwhile."""
     running: list[_Run] = []
     waiting, count = deque(files), 0
-    with (TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True) as directory,
-          _cleanup(running) as end_orphans):
+    older = {child.pid for child in processes.descendants()}
+
+    def end_orphans() -> None:
+        processes.end_descendants({*older, *(run.pid for run in running)})
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    # Threads of numpy do not block it, and may be the first to receive it.
+    handler = signal.signal(signal.SIGTERM, lambda *_: None)
+    processes.become_subreaper()
+    directory = TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True)
+    try:
         while waiting or running:
             if waiting and len(running) < jobs and (reservation := _reserved_domain()):
                 with suppress(OSError):  # there are too many processes: try again
-                    running.append(_Run(waiting[0], seconds, directory, reservation))
+                    running.append(_Run(waiting[0], seconds, directory.name, reservation))
                     waiting.popleft()
             _wait_for_signal()
             names = ', '.join(run.file for run in running)
@@ -59,22 +68,6 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
                 end_orphans()
                 count += 1
                 yield grade
-
-
-@contextmanager
-def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
-    """Block signals, and adopt orphans; yield what ends those that belong to none that runs."""
-    older = {child.pid for child in processes.descendants()}
-
-    def end_orphans() -> None:
-        processes.end_descendants({*older, *(run.pid for run in running)})
-
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
-    # Threads of numpy do not block it, and may be the first to receive it.
-    handler = signal.signal(signal.SIGTERM, lambda *_: None)
-    processes.become_subreaper()
-    try:
-        yield end_orphans
     finally:
         for run in running:
             run.connection.close()  # it ends what it has started
@@ -82,6 +75,7 @@ def _cleanup(running: 'list[_Run]') -> Iterator[Callable[[], None]]:
             with suppress(subprocess.TimeoutExpired):
                 running.pop().wait(_LONGEST_END)
         end_orphans()
+        directory.cleanup()
         processes.become_subreaper(False)
         signal.signal(signal.SIGTERM, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

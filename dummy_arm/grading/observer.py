@@ -50,11 +50,10 @@ class Observer:
         from puretf import StaticTransformListener, TransformBuffer
         buffer = TransformBuffer()
         listener = StaticTransformListener(buffer, self._node)
-        try:
-            return wait_until(_LATE, lambda: tick() or any(
-                frame.name == BASE.name for frame in buffer.frames()))
-        finally:
-            listener.unregister()
+        reaches = wait_until(_LATE, lambda: tick() or any(
+            frame.name == BASE.name for frame in buffer.frames()))
+        listener.unregister()
+        return reaches
 
     def lifecycle_nodes(self) -> list[str]:
         """Return the full names of the lifecycle nodes in the ROS graph."""

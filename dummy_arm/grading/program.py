@@ -51,8 +51,9 @@ _INPUT = ': nobody types what input() reads; leave it out'
 #: How the launch files of ROS begin, as XML, YAML and Python.
 _LAUNCH = re.compile(r'^\s*<launch\b|^launch:|^def generate_launch_description\(', re.MULTILINE)
 _TRACEBACK = 'Traceback (most recent call last):'
-#: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
-_PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
+#: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace, or in the only
+#: folder that has one, as in an archive that was unpacked.
+_PLACES = ('', 'dummy_arm/', 'dummy_arm/dummy_arm/', 'src/dummy_arm/dummy_arm/', '*/')
 
 
 class ProgramError(CommandError):
@@ -69,10 +70,8 @@ def program_in(path: Path) -> Path:
     if not os.path.isdir(path):  # unlike Path.is_dir, it raises no error
         return path
     for place in _PLACES:
-        if os.path.isfile(program := path / place / 'dummy_arm.py'):
-            return program
-    if len(found := [*path.glob('*/dummy_arm.py')]) == 1:  # as in an archive that was unpacked
-        return found[0]
+        if len(found := [*path.glob(f'{place}dummy_arm.py')]) == 1:
+            return found[0]
     with suppress(OSError):
         if names := sorted(os.listdir(path)):
             raise CommandError(

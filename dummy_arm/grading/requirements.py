@@ -89,15 +89,16 @@ def check(arm: Arm) -> Report:
 
     intact = [joint for joint, needed in needs.items()
               if not any(joint.name in line.broken for line in needed)]
+    is_fixed = any(sine.has_fixed_step for sine in sines if sine)
     practices = {
         'at least 10 messages per second': _rate(arm),
-        'the motion follows the clock': _clock(sines),
+        'the motion follows the clock': _clock(sines, is_fixed),
         'all frames have the same stamp': _same_stamp(arm, has_wrong_stamps=bool(now.broken)),
         'the joints use at least half of their limits': _use_of_limits(arm, intact),
         'each broadcaster is created once': _broadcasters(arm),
         'base_link is sent once': _base_sent_once(arm),
         'no other frames on /tf and /tf_static': _other_frames(arm),
-        'speeds of about 0.3, 0.5 and 0.7 rad/s': _usual_speeds(speeds.value or (), sines),
+        'speeds of about 0.3, 0.5 and 0.7 rad/s': _usual_speeds(speeds.value or (), is_fixed),
         'all numbers are floats': _floats(arm)}
     return Report(lines, [line._replace(requirement=text, verdict=(
         Verdict.NOT_JUDGED if not line.measured else Verdict.ADVICE if line.text else Verdict.OK))
@@ -329,15 +330,11 @@ def _rate(arm: Arm) -> Line:
                   f'{name} is sent {rate:.1f} times a second: its motion does not look smooth.')
 
 
-def _clock(sines: Sequence[Optional[Sine]]) -> Line:
-    if _has_fixed_step(sines):
+def _clock(sines: Sequence[Optional[Sine]], has_fixed_step: bool) -> Line:
+    if has_fixed_step:
         return Line('a sine of the number of the message',
                       'Use the clock: with a fixed step, the speed depends on the rate.')
     return Line('a sine of the time' if any(sines) else '')
-
-
-def _has_fixed_step(sines: Sequence[Optional[Sine]]) -> bool:
-    return any(sine.has_fixed_step for sine in sines if sine)
 
 
 def _same_stamp(arm: Arm, has_wrong_stamps: bool) -> Line:
@@ -378,8 +375,8 @@ def _other_frames(arm: Arm) -> Line:
                   f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
 
 
-def _usual_speeds(speeds: Sequence[float], sines: Sequence[Optional[Sine]]) -> Line:
-    cause = next((causes.of_speed(joint, speed, _has_fixed_step(sines))
+def _usual_speeds(speeds: Sequence[float], has_fixed_step: bool) -> Line:
+    cause = next((causes.of_speed(joint, speed, has_fixed_step)
                   for joint, speed in zip(JOINTS, speeds)
                   if not 1 / SPEED_FACTOR <= speed / joint.speed <= SPEED_FACTOR), '')
     return Line(_in_words(speeds), cause or (
