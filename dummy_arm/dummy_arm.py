@@ -92,7 +92,13 @@ class DummyArm(Node):
         """Start publishing, or raise ParameterException: the value of a parameter is invalid."""
         super().__init__('dummy_arm')
         self.add_on_set_parameters_callback(self._check)
-        self._declare_parameters()
+        for name, quantity in QUANTITIES.items():
+            # Dynamic typing accepts integers, too; `_check` checks the value.
+            self.declare_parameter(name, quantity.default, ParameterDescriptor(
+                dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})'))
+        for name, (default, meaning) in READ_ONLY.items():
+            self.declare_parameter(name, default, ParameterDescriptor(
+                read_only=True, description=meaning))
         self._waves = {joint.name: Wave(
             self._value(f'{joint.name}.speed'), self._value(f'{joint.name}.limit'))
             for joint in JOINTS}
@@ -128,15 +134,6 @@ class DummyArm(Node):
         if self._value('use_sim_time'):
             self.get_logger().info('use_sim_time is true: waiting for a message on /clock')
         self.add_post_set_parameters_callback(self._apply)
-
-    def _declare_parameters(self) -> None:
-        for name, quantity in QUANTITIES.items():
-            # Dynamic typing accepts integers, too; `_check` checks the value.
-            self.declare_parameter(name, quantity.default, ParameterDescriptor(
-                dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})'))
-        for name, (default, meaning) in READ_ONLY.items():
-            self.declare_parameter(name, default, ParameterDescriptor(
-                read_only=True, description=meaning))
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
