@@ -48,9 +48,8 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     """
     Fit c + a sin(speed t) + b cos(speed t) to angles by least squares.
 
-    The speed is searched on a grid. Then it is improved by Gauss-Newton steps, each of at most a
-    step of the grid, as in the four-parameter sine fit of IEEE Std 1057. In a long observation,
-    only its beginning counts.
+    The speed is searched on a grid, and then, again and again, on a finer one around the best
+    speed. In a long observation, only its beginning counts.
 
     :param times: (n,) times (s), n >= 20, in ascending order.
     :param angles: (n,) angles (rad), which are not all equal.
@@ -62,14 +61,14 @@ def fit_sine(times: Floats, angles: Floats) -> Sine:
     few, y = t[::every], angles[::every]
     step = pi / (4 * t[-1])
     fastest = min(FASTEST, 0.9 * pi * (count - 1) / t[-1])
-    speed = min(np.arange(step, fastest, step).tolist(),
-                key=lambda speed: fit(_columns(few, speed), y)[1])
-    for _ in range(10):
-        columns = _columns(few, speed)
-        (_, a, b), _ = fit(columns, y)
-        slope = few * (a * columns[:, 2] - b * columns[:, 1])
-        change = float(fit(np.column_stack([columns, slope]), y)[0][3])
-        speed = min(max(speed + min(max(change, -step), step), step / 2), fastest)
+
+    def residual_of(speed: float) -> float:
+        return fit(_columns(few, speed), y)[1]
+
+    speed = min(np.arange(step, fastest, step).tolist(), key=residual_of)
+    for width in step * 0.1 ** np.arange(8):
+        speeds = np.linspace(max(speed - width, step / 2), min(speed + width, fastest), 21)
+        speed = min(speeds.tolist(), key=residual_of)
     (_, a, b), residual = fit(_columns(t, speed), angles)
     amplitude = max(hypot(a, b), 1e-12)
     return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
