@@ -56,9 +56,8 @@ Fault = tuple[str, str]
 
 def recreation(arm: Arm) -> str:
     """Say that a program creates a broadcaster again and again; '' if none does."""
-    count, has_node = arm.recreated
-    return (f'{count} publishers, one after another{", from one node" * has_node}: create the '
-            'broadcaster once, not in the callback of the timer.') if count else ''
+    return (f'{arm.recreated} publishers, one after another: create the broadcaster once, not in '
+            'the callback of the timer.') if arm.recreated else ''
 
 
 def static_joints(arm: Arm) -> str:

@@ -80,7 +80,8 @@ def program_in(path: Path) -> Path:
     raise ProgramError('It is empty, or cannot be read.')
 
 
-def _source(path: Path) -> str:
+def _parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a program; raise why it is not run."""
     try:
         with path.open('rb') as file:
             data = file.read(_LONGEST_SOURCE + 1)
@@ -92,14 +93,11 @@ def _source(path: Path) -> str:
     if len(data) > _LONGEST_SOURCE:
         raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
     try:
-        return decode_source(data)
+        source = decode_source(data)
     except (SyntaxError, LookupError, UnicodeError) as error:
         raise ProgramError(
             'It is not text in UTF-8, but perhaps a PDF: hand in the source, a .py file, saved as '
             f'UTF-8 ({error}).') from None
-
-
-def _parsed(source: str, path: Path) -> ast.Module:
     if not source.strip():
         raise ProgramError('It is empty.')
     if _LAUNCH.search(source) and 'rclpy' not in source:
@@ -153,7 +151,7 @@ class Program:
 
     def __init__(self, path: Path, directory: str) -> None:
         """Copy a program and its folder to an empty directory; raise why it is not run."""
-        tree = _parsed(_source(path), path)
+        tree = _parsed(path)
         #: Where a number of a message is an int; 0: nowhere.
         self.int_line = _line_with_int(tree)
         self._mere_name = _mere_name(tree)
@@ -229,14 +227,14 @@ class Program:
 def _error_of(output: str, name: str) -> str:
     """Return the error of the first complete traceback, and its line in a file of this name."""
     # The lines of a group of exceptions begin with "  + " or "  | ".
-    printed = [re.sub(r'^ *[+|] ', '', line) for line in output.split('\n')[:-1]]
-    begin = next((i for i, line in enumerate(printed) if line.endswith(_TRACEBACK)), len(printed))
-    end = next((i for i, line in enumerate(printed) if i > begin and line[:1] not in ('', ' ')), 0)
-    if not end:
+    text = re.sub(r'^ *[+|] ', '', output, flags=re.MULTILINE)
+    found = re.search(rf'{re.escape(_TRACEBACK)}\n((?:(?: .*)?\n)*)(\S.*)\n', text)
+    if not found:
         return ''
-    lines = re.findall(rf'/{re.escape(name)}", line (\d+)', '\n'.join(printed[begin:end]))
+    calls, error = found.groups()
+    lines = re.findall(rf'/{re.escape(name)}", line (\d+)', calls)
     where = f' (line {lines[-1]})' if lines else ''
-    return f'{abbreviated(visible(printed[end]), 300)}{where}'
+    return f'{abbreviated(visible(error), 300)}{where}'
 
 
 def _why_not_imported(error: str, folder: Path, original: Path) -> str:

@@ -340,8 +340,7 @@ def _clock(sines: Sequence[Optional[Sine]], has_fixed_step: bool) -> Line:
 def _same_stamp(arm: Arm, has_wrong_stamps: bool) -> Line:
     stamps = [set(samples.stamps.tolist()) for samples in arm.moving.values()]
     same = len(set.intersection(*stamps)) / max(map(len, stamps)) if stamps else 0.0
-    nodes = {each.gid: (each.node, each.pid) for each in arm.publishers}
-    senders = {nodes.get(gid, gid) for samples in arm.moving.values()
+    senders = {arm.nodes.get(gid, gid) for samples in arm.moving.values()
                for gid in samples.publishers}
     # Several nodes cannot share a stamp; a wrong stamp is a fault of its own.
     can_share = len(senders - {NOT_RECORDED}) == 1 and not has_wrong_stamps
@@ -359,8 +358,9 @@ def _use_of_limits(arm: Arm, joints: Sequence[SheetFrame]) -> Line:
 
 
 def _broadcasters(arm: Arm) -> Line:
-    is_known = {gid for _, gid in arm.frames_of} - {NOT_RECORDED, ''}
-    return Line(f'{len(arm.frames_of)} publishers' if is_known else '', causes.recreation(arm))
+    gids = {gid for publishers in arm.senders.values() for gid in publishers}
+    is_known = gids - {NOT_RECORDED, ''}
+    return Line(f'{len(gids)} publishers' if is_known else '', causes.recreation(arm))
 
 
 def _base_sent_once(arm: Arm) -> Line:

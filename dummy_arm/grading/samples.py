@@ -100,6 +100,8 @@ class Arm:
         """
         self.reaches_late_joiners, self.publishers = reaches_late_joiners, publishers
         self.int_line, self.place, self.no_clock = int_line, place, no_clock
+        #: By publisher: the name and the process id of its node.
+        self.nodes = {each.gid: (each.node, each.pid) for each in publishers}
         rows: defaultdict[str, list[tuple[ArmMessage, Any]]] = defaultdict(list)
         #: A frame that is in one message more than once; '': none.
         self.repeated = ''
@@ -118,24 +120,20 @@ class Arm:
         self.end = max(times, default=0.0) if end is None else end / SECOND  # s
 
     @cached_property
-    def frames_of(self) -> dict[tuple[bool, str], set[str]]:
-        """By topic (True: /tf_static) and publisher: the frames that it has sent."""
-        frames: dict[tuple[bool, str], set[str]] = {
-            (each.is_static, each.gid): set() for each in self.publishers}
+    def senders(self) -> dict[Any, dict[str, set[str]]]:
+        """By topic and node: its publishers, each with the frames that it has sent."""
+        found: defaultdict[Any, defaultdict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+        for each in self.publishers:  # also those that have sent nothing
+            found[each.is_static, self.nodes[each.gid]][each.gid] = set()
         for name, samples in self.samples.items():
-            for key in {*zip(samples.is_static.tolist(), samples.publishers)}:
-                frames.setdefault(key, set()).add(name)
-        return frames
+            for is_static, gid in {*zip(samples.is_static.tolist(), samples.publishers)}:
+                found[is_static, self.nodes.get(gid)][gid].add(name)
+        return {**found}
 
     @cached_property
-    def recreated(self) -> tuple[int, bool]:
-        """How many publishers one program creates one after another; True: they have one node."""
-        nodes = {each.gid: (each.node, each.pid) for each in self.publishers}
-        groups: defaultdict[Any, dict[str, set[str]]] = defaultdict(dict)
-        for (is_static, gid), frames in self.frames_of.items():
-            groups[is_static, nodes.get(gid)][gid] = frames
-        return next(((len(found), node is not None) for (_, node), publishers in groups.items()
-                     if (found := recreated(publishers))), (0, False))
+    def recreated(self) -> int:
+        """How many publishers one program creates one after another; 0: none is known."""
+        return max((len(recreated(publishers)) for publishers in self.senders.values()), default=0)
 
 
 def largest_angle(vectors: Floats) -> float:

@@ -72,7 +72,7 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
     # The report has what matters; the lines of several programs would be mixed.
     observer = Observer(stack.enter_context(spinning_node('check_arm', [
         'check_arm', '--ros-args', '--log-level', 'tf2_buffer:=fatal'])))
-    usual, next_scan = _count(), 0.0  # of all processes of the machine
+    usual, next_scan = os.stat('/proc').st_nlink, 0.0  # links: of each process, and some more
 
     def watch() -> bool:
         """Raise what is wrong with the program or its processes, or that the command has ended."""
@@ -81,7 +81,7 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
             raise CommandError('The command has ended.')
         program.check()
         # Among thousands of running processes, this one would hardly run.
-        is_crowd = _count() > usual + _MOST_PROCESSES
+        is_crowd = os.stat('/proc').st_nlink > usual + _MOST_PROCESSES
         if time.monotonic() < next_scan and not is_crowd:
             return False
         found = processes.descendants()
@@ -102,8 +102,7 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         fault = '' if report.passed else observer.listener.wrong_type_hint()
         if not observer.publishers and not report.passed:
             fault = _other_domain(domain) or fault
-        if ours := _arm_of_package(observer):
-            return Grade(file, None, ours, Verdict.NOT_OK)
+        _check_is_own(observer)
         if not observer.messages and not fault and (nodes := observer.lifecycle_nodes()):
             fault = f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?'
     finally:
@@ -113,14 +112,13 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
                  first.verdict if first else Verdict.OK)
 
 
-def _arm_of_package(observer: Observer) -> str:
-    """Say which process publishes with the arm of this package; '' if none does."""
+def _check_is_own(observer: Observer) -> None:
+    """Raise that a process publishes with the arm of this package, if one does."""
     for pid in {each.pid for each in observer.publishers.values()} - {0}:
         with suppress(OSError):  # it has ended
             line = os.fsdecode(Path(f'/proc/{pid}/cmdline').read_bytes())
             if any(map(_OURS.fullmatch, line.split('\0'))):
-                return 'It starts dummy_arm of this package: the arm must be its own.'
-    return ''
+                raise ProgramError('It starts dummy_arm of this package: the arm must be its own.')
 
 
 def _other_domain(domain: int) -> str:
@@ -128,8 +126,3 @@ def _other_domain(domain: int) -> str:
     others = sorted({*ros_domains([each.pid for each in processes.descendants()])} - {domain})
     return (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; the '
             'user sets the domain.') if others else ''
-
-
-def _count() -> int:
-    """Return the number of the processes of this machine, and a constant."""
-    return os.stat('/proc').st_nlink

@@ -202,8 +202,8 @@ def test_broadcasters_that_are_created_in_a_callback(messages, requirement):
     report = check(messages, True, publishers=publishers)
     line = report.first_failure or line_of(report, 'each broadcaster')
     assert line.requirement.startswith(requirement)
-    assert re.match('(999|1000) publishers, one after another, from one node: create the '
-                    'broadcaster once', line.text)
+    assert re.match('(999|1000) publishers, one after another: create the broadcaster once',
+                    line.text)
     assert 'one after another' in '\n'.join(format_report(report))
 
 
