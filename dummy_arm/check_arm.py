@@ -25,8 +25,6 @@ from puretf_tools.inspection.forest import Forest
 from puretf_tools.inspection.graph import as_dot, draw, DrawingError
 from puretf_tools.inspection.terminal import columns, wrapped
 
-#: The bar while programs are run.
-_BAR = '{desc} {bar} {n} of {total}, {elapsed}'
 #: The default time to observe an arm (s). It is more than a period of the slowest joint: 20.9 s if
 #: 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
 DEFAULT_TIME = 25.0
@@ -51,7 +49,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
         while True:
             if table:
                 _write_table(table, [*older, *rows.values()])
-            with progress(len(rows), bar_format=_BAR) as show:
+            with progress(len(rows), bar_format='{desc} {bar} {n} of {total}, {elapsed}') as show:
                 result = next(grades, None)
             if not result:
                 break

@@ -1,6 +1,6 @@
 """The likely cause of what is wrong with an arm, in a sentence; all are pure functions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from math import degrees, pi, radians
 import re
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dummy_arm.grading.samples import Arm, Samples
-from dummy_arm.grading.sheet import BASE, FRAMES, JOINTS, SHEET, SheetFrame, Vector
+from dummy_arm.grading.sheet import BASE, FRAMES, JOINTS, SHEET, SheetFrame
 from dummy_arm.grading.sine import FASTEST, FEWEST, fit, fit_sine, Floats, Sine
 from puretf import SECOND
 from puretf._text.names import comma_list, shortened
@@ -199,7 +199,7 @@ def fault_of_stamps(arm: Arm, name: str, samples: Samples) -> Optional[Fault]:
 # Positions and rotations
 
 
-def of_position(edge: SheetFrame, positions: Floats, position: Vector) -> str:
+def of_position(edge: SheetFrame, positions: Floats, position: Floats) -> str:
     if np.ptp(positions, axis=0).max() > POSITION_TOLERANCE:
         return (f'The position of {edge.name} changes. Only its rotation may change: the rotation '
                 f'of {edge.parent} already moves {edge.name}.')
@@ -221,7 +221,7 @@ def of_position(edge: SheetFrame, positions: Floats, position: Vector) -> str:
     return f'The translation of {edge.name} must be {metres(edge.position)}.'
 
 
-def is_near(position: Vector, expected: ArrayLike) -> bool:
+def is_near(position: Floats, expected: ArrayLike) -> bool:
     return bool(np.linalg.norm(np.subtract(position, expected)) <= POSITION_TOLERANCE)
 
 
@@ -343,7 +343,7 @@ def of_speeds(speeds: Sequence[float]) -> str:
     return 'The order of the speeds is wrong: joint_1 is the slowest, joint_3 is the fastest.'
 
 
-def metres(position: Vector) -> str:
+def metres(position: Iterable[float]) -> str:
     return f'({", ".join(f"{value + 0.0:.3f}" for value in position)}) m'
 
 

@@ -218,9 +218,8 @@ class Program:
 
     def end(self) -> None:
         """End the program by SIGINT, with which it can leave the ROS graph, if it does so soon."""
-        with suppress(OSError):
+        with suppress(OSError, subprocess.TimeoutExpired):
             os.killpg(self._process.pid, signal.SIGINT)
-        with suppress(subprocess.TimeoutExpired):
             self._process.wait(_GRACE)
 
 

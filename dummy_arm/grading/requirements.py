@@ -312,9 +312,8 @@ def _deviation(speeds: Sequence[float]) -> float:
     return abs(common) + sum(abs(each - common) for each in logarithms)
 
 
-def _farthest(positions: Floats, expected: Vector) -> Vector:
-    x, y, z = positions[np.linalg.norm(positions - expected, axis=1).argmax()].tolist()
-    return x, y, z
+def _farthest(positions: Floats, expected: Vector) -> Floats:
+    return np.asarray(positions[np.linalg.norm(positions - expected, axis=1).argmax()])
 
 
 # Good practice
