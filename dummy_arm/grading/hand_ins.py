@@ -47,11 +47,11 @@ def graded(files: Sequence[str], seconds: float, jobs: int,
     def end_orphans() -> None:
         processes.end_descendants({*older, *(run.pid for run in running)})
 
+    directory = TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True)
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     # Threads of numpy do not block it, and may be the first to receive it.
     handler = signal.signal(signal.SIGTERM, lambda *_: None)
     processes.become_subreaper()
-    directory = TemporaryDirectory(prefix='check_arm_', ignore_cleanup_errors=True)
     try:
         while waiting or running:
             if waiting and len(running) < jobs and (reservation := _reserved_domain()):
