@@ -87,14 +87,12 @@ def check(arm: Arm) -> Report:
     passed = all(line.verdict == Verdict.OK for line in lines
                  if arm.reaches_late_joiners is not None or line is not late)
 
-    intact = [joint for joint, needed in needs.items()
-              if not any(joint.name in line.broken for line in needed)]
     is_fixed = any(sine.has_fixed_step for sine in sines if sine)
     practices = {
         'at least 10 messages per second': _rate(arm),
         'the motion follows the clock': _clock(sines, is_fixed),
         'all frames have the same stamp': _same_stamp(arm, has_wrong_stamps=bool(now.broken)),
-        'the joints use at least half of their limits': _use_of_limits(arm, intact),
+        'the joints use at least half of their limits': _use_of_limits(arm, needs),
         'each broadcaster is created once': _broadcasters(arm),
         'base_link is sent once': _base_sent_once(arm),
         'no other frames on /tf and /tf_static': _other_frames(arm),
@@ -349,8 +347,10 @@ def _same_stamp(arm: Arm, has_wrong_stamps: bool) -> Line:
                 'Call get_clock().now() once in each tick, and use it for all frames.')
 
 
-def _use_of_limits(arm: Arm, joints: Sequence[SheetFrame]) -> Line:
-    used = {joint.name: arm.samples[joint.name].largest_angle / joint.limit for joint in joints}
+def _use_of_limits(arm: Arm, needs: Mapping[SheetFrame, Sequence[Line]]) -> Line:
+    used = {joint.name: arm.samples[joint.name].largest_angle / joint.limit
+            for joint, needed in needs.items()
+            if not any(joint.name in line.broken for line in needed)}
     name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
     return Line(', '.join(f'{100 * each:.0f} %' for each in used.values()),
                   '' if part >= _USED else f'{name} uses only {100 * part:.0f} % of its limit.')
