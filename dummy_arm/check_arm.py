@@ -173,13 +173,15 @@ def format_report(report: Report) -> list[str]:
     if len(shown) < len(report.lines):  # first of all, what the others follow from
         shown.sort(key=lambda row: row != report.first_failure)
     rows = [*shown, *(row for row in report.advice if row.is_judged)]
-    table = columns([(row.verdict, row.requirement, row.measured if row.is_judged else row.text)
-                     for row in rows])
+    firsts = {row.text: row for row in reversed(rows) if row.text}  # a cause is printed once
+    texts = [row.text if firsts.get(row.text) is row else '' for row in rows]
+    table = columns([(row.verdict, row.requirement, (row.measured if row.is_judged else text)
+                      or 'see above' * (row.text != text)) for row, text in zip(rows, texts)])
     lines: list[str] = []
-    for i, (row, line) in enumerate(zip(rows, table)):
+    for i, (row, text, line) in enumerate(zip(rows, texts, table)):
         if i == len(shown):
             lines += ['', 'good practice (it does not change the result):']
-        lines += [line, *(wrapped(row.text, '    ') if row.text and row.is_judged else [])]
+        lines += [line, *(wrapped(text, '    ') if text and row.is_judged else [])]
     counts = Counter(row.verdict for row in report.lines)
     counted = ', '.join(f'{counts[verdict]} {verdict}' for verdict in (
         Verdict.OK, Verdict.NOT_OK, Verdict.NOT_JUDGED) if counts[verdict])
