@@ -4,7 +4,7 @@ The type support of `tf2_msgs/msg/TFMessage`, derived from types of geometry_msg
 The middleware identifies a message type by a C struct, `rosidl_message_type_support_t`. This
 struct points to further structs. Like a TFMessage, a `geometry_msgs/msg/Polygon` has a single
 field, which is an unbounded sequence. So this module copies the structs of Polygon. In the copies,
-it replaces the name, the element type, the description and the hash.
+it replaces the name, the element type and the hash. The description has only the name.
 
 The structs contain pointers to functions. C code calls these functions when a publisher or a
 subscription is created, but not for each message. Ctrl-C could interrupt a function that runs
@@ -18,9 +18,9 @@ rosidl_typesupport_introspection_c/message_introspection.h. Compare them with th
 you support another distribution of ROS.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 import ctypes
-from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_uint64, c_void_p, POINTER
+from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_void_p, POINTER
 from itertools import repeat
 import operator
 from typing import Any, Optional
@@ -31,63 +31,17 @@ from rclpy.type_support import check_for_type_support
 from puretf._text.distribution import distribution, rclpy_version
 
 _NAME = 'tf2_msgs/msg/TFMessage'
-#: The hashes of the description below and of that of TransformStamped, as in REP-2011.
+#: The hashes of the descriptions of TFMessage and of TransformStamped, as in REP-2011.
 _HASH = 'e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 _ELEMENT_HASH = '0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206'
-_SOURCE = 'geometry_msgs/TransformStamped[] transforms\n'
-_NESTED_TYPE_UNBOUNDED_SEQUENCE = 145  # rosidl_runtime_c/type_description/field_type__struct.h
 _FASTRTPS = b'rosidl_typesupport_fastrtps_c'
 _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 
 class String(ctypes.Structure):
-    """The struct rosidl_runtime_c__String."""
+    """The struct rosidl_runtime_c__String; an empty sequence is like an empty string."""
 
     _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
-
-    @classmethod
-    def of(cls, text: str) -> 'String':
-        """Create the struct; Python owns its bytes, so C must not free them."""
-        data = text.encode()
-        return cls(data, len(data), len(data) + 1)
-
-
-def sequence_of(element: type) -> type:
-    """Create the ctypes class for a rosidl sequence."""
-    fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
-    return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
-        '_fields_': fields, '__iter__': lambda self: (self.data[i] for i in range(self.size))})
-
-
-class FieldType(ctypes.Structure):
-    _fields_ = [('type_id', c_uint8), ('capacity', c_uint64), ('string_capacity', c_uint64),
-                ('nested_type_name', String)]
-
-
-class Field(ctypes.Structure):
-    _fields_ = [('name', String), ('type', FieldType), ('default_value', String)]
-
-
-Fields = sequence_of(Field)
-
-
-class IndividualTypeDescription(ctypes.Structure):
-    _fields_ = [('type_name', String), ('fields', Fields)]
-
-
-IndividualTypeDescriptions = sequence_of(IndividualTypeDescription)
-
-
-class TypeDescription(ctypes.Structure):
-    _fields_ = [('type_description', IndividualTypeDescription),
-                ('referenced_type_descriptions', IndividualTypeDescriptions)]
-
-
-class TypeSource(ctypes.Structure):
-    _fields_ = [('type_name', String), ('encoding', String), ('raw_file_contents', String)]
-
-
-TypeSources = sequence_of(TypeSource)
 
 
 class TypeHash(ctypes.Structure):
@@ -181,29 +135,7 @@ def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
     return TypeSupport.from_address(address)
 
 
-def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
-    """Return the description and the sources of TransformStamped, after a check of its hash."""
-    address = ctypes.addressof(handle)
-    type_hash, description, sources = (
-        ctypes.CFUNCTYPE(POINTER(layout), c_void_p)(function)(address).contents
-        for layout, function in (
-            (TypeHash, handle.get_type_hash_func),
-            (TypeDescription, handle.get_type_description_func),
-            (TypeSources, handle.get_type_description_sources_func)))
-    _expect('the hash of TransformStamped', _ELEMENT_HASH, bytes(type_hash.value).hex())
-    # In other releases of rosidl, sequences have more members.
-    _expect('the layout of a description', (3, 5), (
-        description.type_description.fields.size, description.referenced_type_descriptions.size))
-    return description, sources
-
-
-def _array(sequence: type, elements: Iterable[Any]) -> Any:
-    elements = list(elements)
-    array = (type(elements[0]) * len(elements))(*elements)
-    return sequence(array, len(elements), len(elements))
-
-
-def _constant(value: ctypes.Structure) -> int:
+def _constant(value: Any) -> int:
     """Return the address of a new C function, which itself returns the address of `value`."""
     getter = ctypes.CFUNCTYPE(c_void_p)(repeat(ctypes.addressof(value)).__next__)
     _referenced.extend((value, getter))
@@ -218,19 +150,15 @@ _element_introspection = _type_support_of(TransformStamped, _INTROSPECTION)
 _polygon_fastrtps = _type_support_of(Polygon, _FASTRTPS)
 _polygon_introspection = _type_support_of(Polygon, _INTROSPECTION)
 
-# The description of TFMessage: one field, which is an unbounded sequence of TransformStamped.
-_element_description, _element_sources = _description_of(_element_fastrtps)
-_itself = IndividualTypeDescription(String.of(_NAME), _array(Fields, [Field(
-    String.of('transforms'),
-    FieldType(_NESTED_TYPE_UNBOUNDED_SEQUENCE, 0, 0,
-              _element_description.type_description.type_name))]))
-_description = TypeDescription(_itself, _array(IndividualTypeDescriptions, sorted(
-    (_element_description.type_description, *_element_description.referenced_type_descriptions),
-    key=lambda individual: individual.type_name.data)))
-_sources = _array(TypeSources, (
-    TypeSource(String.of(_NAME), String.of('msg'), String.of(_SOURCE)), *_element_sources))
+# C code compares the hash with that of other nodes.
+_element_hash = ctypes.CFUNCTYPE(POINTER(TypeHash), c_void_p)(
+    _element_fastrtps.get_type_hash_func)(ctypes.addressof(_element_fastrtps)).contents
+_expect('the hash of TransformStamped', _ELEMENT_HASH, bytes(_element_hash.value).hex())
 _hash = TypeHash(1, (c_uint8 * 32)(*bytes.fromhex(_HASH)))
-_description_functions = [_constant(value) for value in (_hash, _description, _sources)]
+# The description for the service `get_type_description`, which rcl copies: the name of the type,
+# but neither fields nor the types of fields, which are two empty sequences. No sources.
+_description = (String * 3)(String(_NAME.encode(), len(_NAME), len(_NAME) + 1))
+_description_functions = [_constant(value) for value in (_hash, _description, String())]
 
 # The functions for rmw_fastrtps. Messages are passed to rmw_fastrtps as bytes, so rmw_fastrtps
 # calls only one of these functions: the function that returns whether the type is bounded.
