@@ -13,7 +13,7 @@ This module needs ROS. Without it, `Transform.apply` transforms points.
 """
 
 # Before the packages of ROS, to say how to install them.
-from puretf.point_cloud2 import layout
+from puretf.point_cloud2 import points_in
 
 # isort: split
 from array import array
@@ -44,7 +44,7 @@ from geometry_msgs.msg import (
 from nav_msgs.msg import Odometry, Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from puretf import rotations
@@ -55,8 +55,6 @@ from puretf.exceptions import described, is_of_rosbags
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 _NORMAL = 'normal_x', 'normal_y', 'normal_z'
-#: The datatypes of points and normals.
-_TYPES = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
 
 
 def to_msg_msg(msg: Any) -> Any:
@@ -280,6 +278,7 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
         of them is NaN, all three are NaN in the result; so it is for normals.
     :returns: a new cloud, with data of its own. If `transform` is a Transform, which has no
         header, the header is that of the given cloud.
+    :raises AssertionError: as `puretf.point_cloud2.read_points`.
     :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
         layout does not fit the data.
     """
@@ -289,11 +288,17 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
         result.header = _header(transform)
         transform = transform.transform
     data = array('B', bytes(cloud.data))
+    points = points_in(cloud, data)
+    floats = {name for name in points.dtype.names or () if points.dtype[name].kind == 'f'}
+    if missing := {*'xyz'} - floats:
+        fields = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)
+        raise ValueError(f'the cloud needs a field {min(missing)} of FLOAT32 or FLOAT64; its '
+                         f'fields: {fields or "none"}')
     rotation = rotations.matrix([getattr(transform.rotation, name) for name in 'xyzw'])
     translation = transform.translation.x, transform.translation.y, transform.translation.z
-    _move([_column(cloud, name, data) for name in 'xyz'], rotation, translation)
-    if {*_NORMAL} <= {field.name for field in cloud.fields if field.datatype in _TYPES}:
-        _move([_column(cloud, name, data) for name in _NORMAL], rotation, (0.0, 0.0, 0.0))
+    _move([points[name] for name in 'xyz'], rotation, translation)
+    if floats.issuperset(_NORMAL):
+        _move([points[name] for name in _NORMAL], rotation, (0.0, 0.0, 0.0))
     result.data = data
     return result
 
@@ -319,14 +324,3 @@ def transform_points(point_cloud: 'ArrayLike', transform: Transform) -> NDArray[
         raise ValueError(f'point_cloud must be of shape (n, 3), got {points.shape}')
     x, y, z, *rotation = _pose(transform.translation, transform.rotation)
     return np.asarray(points @ rotations.matrix(rotation).T + (x, y, z))
-
-
-def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
-    """Return one field of all points, as a view of shape (height, width) into `data`."""
-    field = next((field for field in cloud.fields if field.name == name), None)
-    if field is None or field.datatype not in _TYPES:
-        names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)
-        raise ValueError(f'the cloud needs a field {name} of FLOAT32 or FLOAT64; its fields: '
-                         f'{names or "none"}')
-    dtype = np.dtype(('>' if cloud.is_bigendian else '<') + _TYPES[field.datatype])
-    return layout(cloud, dtype, data, field.offset, name)

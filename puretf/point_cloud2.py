@@ -61,14 +61,12 @@ def read_points(cloud: PointCloud2, field_names: Optional[Iterable[str]] = None,
     if not isinstance(cloud, PointCloud2):
         raise AssertionError(f'the cloud must be a sensor_msgs.msg.PointCloud2, got '
                              f'{described(cloud)}')
-    dtype = dtype_from_fields(cloud.fields, cloud.point_step)
-    points = layout(cloud, dtype.newbyteorder('>' if cloud.is_bigendian else '<'), cloud.data)
-    points = points.reshape(-1)
+    points: NDArray[Any] = points_in(cloud, cloud.data).reshape(-1)
     if field_names is not None:
         names = list(field_names)
-        if unknown := [name for name in names if name not in (dtype.names or ())]:
+        if unknown := [name for name in names if name not in (points.dtype.names or ())]:
             raise AssertionError(f'the cloud has no field {unknown[0]!r}; its fields: '
-                                 f'{", ".join(dtype.names or ()) or "none"}')
+                                 f'{", ".join(points.dtype.names or ()) or "none"}')
         points = points[names]
     points = points.astype(points.dtype.newbyteorder('='), copy=False)
     if skip_nans and not cloud.is_dense:
@@ -204,28 +202,26 @@ def create_cloud_xyz32(header: Header, points: Iterable[Any]) -> PointCloud2:
         for name, offset in zip('xyz', (0, 4, 8))], points)
 
 
-def layout(cloud: PointCloud2, dtype: np.dtype[Any], data: Any, offset: int = 0,
-           name: str = 'its fields') -> NDArray[Any]:
+def points_in(cloud: PointCloud2, data: Any) -> NDArray[Any]:
     """
-    Return a view of shape (height, width) into `data`, the data of a cloud or a copy of them.
+    Return a structured view of shape (height, width) into `data`, the data of a cloud or a copy.
 
     If the data have only the bytes of the points, the rows follow one another, even if the
     `row_step` is another one.
 
-    :param offset: the first byte of each point that the view has.
-    :param name: what is there, for the text of the error.
-    :raises ValueError: if the layout does not fit the data.
+    :raises ValueError: if the layout does not fit the data; and as `dtype_from_fields`.
     """
     rows, columns, point_step = cloud.height, cloud.width, cloud.point_step
+    dtype = dtype_from_fields(cloud.fields, point_step)
     size = columns * point_step
     row_step = size if rows == 1 or len(data) == rows * size else cloud.row_step
-    if (offset + dtype.itemsize > point_step or row_step < size or (not size and rows * columns)
-            or len(data) < (rows - 1) * row_step + size):
+    if row_step < size or (not size and rows * columns) or (
+            len(data) < (rows - 1) * row_step + size):
         raise ValueError(
             f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '
-            f'{row_step} bytes a row, {name} at byte {offset}, in {len(data)} bytes of data')
-    return np.ndarray((rows, columns), dtype, data, offset if rows * columns else 0,
-                      (row_step, point_step))
+            f'{row_step} bytes a row, in {len(data)} bytes of data')
+    return np.ndarray((rows, columns), dtype.newbyteorder('>' if cloud.is_bigendian else '<'),
+                      data, 0, (row_step, point_step))
 
 
 def _check_uniform(dtype: np.dtype[Any], remedy: str) -> None:

@@ -389,9 +389,10 @@ def test_points_in_an_array():
 
 
 @pytest.mark.parametrize(('change', 'error'), [
-    ({'fields': [PointField(name='x', datatype=PointField.INT16)]},
+    ({'fields': [PointField(name='x', datatype=PointField.INT16, count=1)]},
      r'needs a field x of FLOAT32 or FLOAT64; its fields: x \(datatype 3\)'),
-    ({'point_step': 5}, 'layout does not fit: 1 x 4 points of 5 bytes, .* x at byte 2')])
+    ({'point_step': 5}, "field 'x' ends at byte 6, but a point has at most 5 bytes"),
+    ({'width': 5}, 'layout does not fit: 1 x 5 points of 24 bytes, .* in 96 bytes of data')])
 def test_a_cloud_that_does_not_fit(buffer, change, error):
     """The error says in one line what does not fit."""
     bad = cloud_of([[(0.0, 0.0, 0.0, 7)] * 4], FIELDS, 24)
