@@ -7,7 +7,7 @@ from puretf._ros.futures import PendingFutures
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any, Literal, Optional, overload, Union
+from typing import Any, Optional
 from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
@@ -21,11 +21,10 @@ from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
 from puretf._causes.explanation import clock_end
-from puretf._core.buffer_base import debug_tuple
 from puretf._ros.messages import FrameGraph
 from puretf._ros.qos import check_node
 from puretf.buffer_core import BufferCore
-from puretf.buffer_interface import BufferInterface, NO_WAIT
+from puretf.buffer_interface import BufferInterface
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -78,43 +77,6 @@ class Buffer(BufferCore, BufferInterface):
             log.write(f'Detected {"time source change" if is_switch else "jump back in time"}. '
                       f'Clearing tf buffer.{clock_end(self._engine.tree.look)}')
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
-                         timeout: Duration = NO_WAIT) -> TransformStamped:
-        """
-        Return the pose of the source frame in the target frame.
-
-        :param time: time of the transform; a zero Time: the latest time for which every edge on
-            the path has data.
-        :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame, stamped with its time.
-        :raises TransformException: if there is no such transform.
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        return self._lookup(target_frame, source_frame, time, self._seconds(timeout))
-
-    def lookup_transform_full(
-            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-            fixed_frame: str, timeout: Duration = NO_WAIT) -> TransformStamped:
-        """
-        Return the pose of the source frame at one time, in the target frame at another time.
-
-        The source frame is located in the fixed frame at `source_time`, and the target frame is
-        located in the fixed frame at `target_time`.
-
-        :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between the target frame and the fixed frame has data.
-        :param source_time: time of the source frame; a zero Time: the latest time for
-            which every edge between the source frame and the fixed frame has data.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame. Its stamp is the time of
-            the target frame.
-        :raises TransformException: if there is no such transform.
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        return self._lookup_full(target_frame, target_time, source_frame, source_time,
-                                 fixed_frame, self._seconds(timeout))
-
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
         """
@@ -146,63 +108,6 @@ class Buffer(BufferCore, BufferInterface):
         """
         return await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
-
-    @overload
-    def can_transform(
-            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
-            return_debug_tuple: Literal[False] = False) -> bool: ...
-
-    @overload
-    def can_transform(self, target_frame: str, source_frame: str, time: Time,
-                      timeout: Duration = NO_WAIT, return_debug_tuple: bool = False) -> Any: ...
-
-    def can_transform(
-            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
-            return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
-        """
-        Return whether `lookup_transform` would return a transform.
-
-        :param time: time of the transform; a zero Time: the latest time for which every edge on
-            the path has data.
-        :param timeout: how long to wait for the transform at most, on the wall clock.
-        :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
-            this bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        error = self._why_not(target_frame, source_frame, time, self._seconds(timeout))
-        return debug_tuple(error) if return_debug_tuple else error is None
-
-    @overload
-    def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
-                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
-                           return_debug_tuple: Literal[False] = False) -> bool: ...
-
-    @overload
-    def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
-                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
-                           return_debug_tuple: bool = False) -> Any: ...
-
-    def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
-                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
-                           return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
-        """
-        Return whether `lookup_transform_full` would return a transform.
-
-        :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between the target frame and the fixed frame has data.
-        :param source_time: time of the source frame; a zero Time: the latest time for
-            which every edge between the source frame and the fixed frame has data.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform at most, on the wall clock.
-        :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
-            this bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        error = self._why_not_full(target_frame, target_time, source_frame, source_time,
-                                   fixed_frame, self._seconds(timeout))
-        return debug_tuple(error) if return_debug_tuple else error is None
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                  timeout: Optional[Duration] = None) -> Future:

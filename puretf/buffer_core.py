@@ -1,4 +1,4 @@
-"""A buffer like that of tf2_py: it uses the messages of ROS, has no node and does not wait."""
+"""A buffer like that of tf2_py: it uses the messages of ROS, and has no node."""
 
 # Before the packages of ROS, to say how to install them.
 from puretf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
@@ -10,7 +10,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from puretf._core.buffer_base import BufferBase, debug_tuple
+from puretf._core.buffer_base import BufferBase
 from puretf._core.frames import as_dot
 from puretf._core.pose import Pose
 from puretf._core.times import nanoseconds, split
@@ -21,7 +21,7 @@ from puretf.transform_buffer import CACHE_TIME
 _LATEST = Time()
 
 
-class BufferCore(BufferBase):
+class BufferCore(BufferBase[Time, Duration, TransformStamped]):
     """
     A buffer with the API of tf2_py.BufferCore, for TransformStamped messages and rclpy's times.
 
@@ -85,7 +85,7 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        return self._lookup(target_frame, source_frame, time)
+        return super().lookup_transform(target_frame, source_frame, time)
 
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                    source_time: Time, fixed_frame: str) -> TransformStamped:
@@ -105,7 +105,8 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return self._lookup_full(target_frame, target_time, source_frame, source_time, fixed_frame)
+        return super().lookup_transform_full(
+            target_frame, target_time, source_frame, source_time, fixed_frame)
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:
@@ -118,7 +119,9 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        return debug_tuple(self._why_not(target_frame, source_frame, time))
+        answer: tuple[bool, str] = super().can_transform(
+            target_frame, source_frame, time, return_debug_tuple=True)
+        return answer
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
@@ -134,8 +137,10 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return debug_tuple(self._why_not_full(
-            target_frame, target_time, source_frame, source_time, fixed_frame))
+        answer: tuple[bool, str] = super().can_transform_full(
+            target_frame, target_time, source_frame, source_time, fixed_frame,
+            return_debug_tuple=True)
+        return answer
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 import sys
-from typing import Any, Literal, Optional, overload, Union
+from typing import Any, Optional
 
-from puretf._core.buffer_base import BufferBase, debug_tuple
+from puretf._core.buffer_base import BufferBase
 from puretf._core.engine import engine_of
 from puretf._core.history import load
+from puretf._core.pose import Pose
 from puretf._core.times import nanoseconds_or_int
 from puretf._text.times import SECOND
 from puretf.exceptions import described
@@ -16,7 +17,7 @@ from puretf.transform import Transform
 CACHE_TIME = 10 * SECOND
 
 
-class TransformBuffer(BufferBase):
+class TransformBuffer(BufferBase[Any, Any, Transform]):
     """
     A buffer that keeps transforms for the cache time, and looks up the poses of frames.
 
@@ -46,7 +47,7 @@ class TransformBuffer(BufferBase):
         self._engine.tree.takes_ns = True
 
     @classmethod
-    def copy_of(cls, buffer: BufferBase, since: Any = -2**63) -> 'TransformBuffer':
+    def copy_of(cls, buffer: BufferBase[Any, Any, Any], since: Any = -2**63) -> 'TransformBuffer':
         """
         Return a copy of a buffer, without limits of the number of frames and samples.
 
@@ -126,97 +127,8 @@ class TransformBuffer(BufferBase):
             transform.stamp, transform.frame_id, transform.child_frame_id,
             (*transform.translation, *transform.rotation), authority, is_static)
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                         timeout: Any = 0) -> Transform:
-        """
-        Return the pose of the source frame in the target frame.
-
-        :param time: time of the transform (ns); 0: the latest time for which every edge on the
-            path has data.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame, stamped with its time.
-        :raises TransformException: if there is no such transform.
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        return self._lookup(target_frame, source_frame, time, self._seconds(timeout))
-
-    def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                              source_time: Any, fixed_frame: str, timeout: Any = 0
-                              ) -> Transform:
-        """
-        Return the pose of the source frame at one time, in the target frame at another time.
-
-        The source frame is located in the fixed frame at `source_time`, and the target frame is
-        located in the fixed frame at `target_time`.
-
-        :param target_time: time of the target frame (ns); 0: the latest time for
-            which every edge between the target frame and the fixed frame has data.
-        :param source_time: time of the source frame (ns); 0: the latest time for
-            which every edge between the source frame and the fixed frame has data.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. Its stamp is the time of
-            the target frame.
-        :raises TransformException: if there is no such transform.
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        return self._lookup_full(target_frame, target_time, source_frame, source_time,
-                                 fixed_frame, self._seconds(timeout))
-
-    @overload
-    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0, timeout: Any = 0,
-                      return_debug_tuple: Literal[False] = False) -> bool: ...
-
-    @overload
-    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0, timeout: Any = 0,
-                      return_debug_tuple: bool = False) -> Any: ...
-
-    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0, timeout: Any = 0,
-                      return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
-        """
-        Return whether `lookup_transform` would return a transform.
-
-        :param time: time of the transform (ns); 0: the latest time for which every edge on the
-            path has data.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
-            this bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        error = self._why_not(target_frame, source_frame, time, self._seconds(timeout))
-        return debug_tuple(error) if return_debug_tuple else error is None
-
-    @overload
-    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                           source_time: Any, fixed_frame: str, timeout: Any = 0,
-                           return_debug_tuple: Literal[False] = False) -> bool: ...
-
-    @overload
-    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                           source_time: Any, fixed_frame: str, timeout: Any = 0,
-                           return_debug_tuple: bool = False) -> Any: ...
-
-    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                           source_time: Any, fixed_frame: str, timeout: Any = 0,
-                           return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
-        """
-        Return whether `lookup_transform_full` would return a transform.
-
-        :param target_time: time of the target frame (ns); 0: the latest time for
-            which every edge between the target frame and the fixed frame has data.
-        :param source_time: time of the source frame (ns); 0: the latest time for
-            which every edge between the source frame and the fixed frame has data.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
-            this bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
-        """
-        error = self._why_not_full(target_frame, target_time, source_frame, source_time,
-                                   fixed_frame, self._seconds(timeout))
-        return debug_tuple(error) if return_debug_tuple else error is None
+    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> Transform:
+        return Transform(stamp, target, source, pose[:3], pose[3:])
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
         """

@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Container, Iterable, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Literal, NoReturn, Optional, overload
+from typing import Any, Generic, Literal, NoReturn, Optional, overload, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,9 +21,15 @@ from puretf.transform import Transform, Twist
 
 #: The largest number of poses that are inserted or computed before the lock is released.
 _CHUNK = 2500
+_LATEST: Any = 0
+_NO_WAIT: Any = 0
+#: The types of a buffer: of the times and durations of its lookups, and what a lookup returns.
+_Time = TypeVar('_Time')
+_Duration = TypeVar('_Duration')
+_Answer = TypeVar('_Answer')
 
 
-class BufferBase:
+class BufferBase(Generic[_Time, _Duration, _Answer]):
     """
     The methods that all buffers share.
 
@@ -136,6 +142,114 @@ class BufferBase:
         """
         self._engine.update_for_user()
         return self._engine.lock
+
+    def lookup_transform(self, target_frame: str, source_frame: str, time: _Time = _LATEST,
+                         timeout: _Duration = _NO_WAIT) -> _Answer:
+        """
+        Return the pose of the source frame in the target frame.
+
+        :param time: time of the transform; 0 or a zero Time: the latest time for which every edge
+            on the path has data. The docstring of each class has the types of times.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :returns: the transform from the source frame to the target frame, stamped with its time: a
+            Transform of a `TransformBuffer`, a TransformStamped of the other buffers.
+        :raises TransformException: if there is no such transform.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        stamp, pose = self._engine.wait(
+            [time], self._seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
+            self._ns(time))
+        return self._answer(target_frame, source_frame, stamp, pose)
+
+    def lookup_transform_full(
+            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
+            fixed_frame: str, timeout: _Duration = _NO_WAIT) -> _Answer:
+        """
+        Return the pose of the source frame at one time, in the target frame at another time.
+
+        The source frame is located in the fixed frame at `source_time`, and the target frame is
+        located in the fixed frame at `target_time`.
+
+        :param target_time: time of the target frame; 0 or a zero Time: the latest time for
+            which every edge between the target frame and the fixed frame has data.
+        :param source_time: time of the source frame; 0 or a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :returns: the transform from the source frame to the target frame, as `lookup_transform`
+            returns it. Its stamp is the time of the target frame.
+        :raises TransformException: if there is no such transform.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        stamp, pose = self._engine.wait(
+            [target_time, source_time], self._seconds(timeout), self._engine.lookups.pose_full,
+            target_frame, self._ns(target_time), source_frame, self._ns(source_time), fixed_frame)
+        return self._answer(target_frame, source_frame, stamp, pose)
+
+    @overload
+    def can_transform(
+            self, target_frame: str, source_frame: str, time: _Time = _LATEST,
+            timeout: _Duration = _NO_WAIT, return_debug_tuple: Literal[False] = False
+            ) -> bool: ...
+
+    @overload
+    def can_transform(
+            self, target_frame: str, source_frame: str, time: _Time = _LATEST,
+            timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False) -> Any: ...
+
+    def can_transform(
+            self, target_frame: str, source_frame: str, time: _Time = _LATEST,
+            timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False
+            ) -> Union[bool, tuple[bool, str]]:
+        """
+        Return whether `lookup_transform` would return a transform.
+
+        :param time: time of the transform; 0 or a zero Time: the latest time for which every edge
+            on the path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        error = self._error_of([time], self._seconds(timeout), self._engine.lookups.check,
+                               target_frame, source_frame, self._ns(time))
+        return _debug_tuple(error) if return_debug_tuple else error is None
+
+    @overload
+    def can_transform_full(
+            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
+            fixed_frame: str, timeout: _Duration = _NO_WAIT,
+            return_debug_tuple: Literal[False] = False) -> bool: ...
+
+    @overload
+    def can_transform_full(
+            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
+            fixed_frame: str, timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False
+            ) -> Any: ...
+
+    def can_transform_full(
+            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
+            fixed_frame: str, timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False
+            ) -> Union[bool, tuple[bool, str]]:
+        """
+        Return whether `lookup_transform_full` would return a transform.
+
+        :param target_time: time of the target frame; 0 or a zero Time: the latest time for
+            which every edge between the target frame and the fixed frame has data.
+        :param source_time: time of the source frame; 0 or a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        """
+        error = self._error_of(
+            [target_time, source_time], self._seconds(timeout), self._engine.lookups.check_full,
+            target_frame, self._ns(target_time), source_frame, self._ns(source_time), fixed_frame)
+        return _debug_tuple(error) if return_debug_tuple else error is None
 
     def why_not(self, target_frame: str, source_frame: str, time: Any, has_hint: bool = True
                 ) -> str:
@@ -351,39 +465,15 @@ class BufferBase:
             f'a {type(self).__name__} can be neither pickled nor copied: use its dump() and '
             'TransformBuffer.load(), or TransformBuffer.copy_of()')
 
-    # What the lookups of all buffers share. The times are of the type of the buffer, the timeout
-    # in s. A subclass says how a time is converted, and what a lookup returns.
+    # A subclass says how a time is converted, and what a lookup returns.
 
     _ns: Any = staticmethod(nanoseconds_or_int)
 
-    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> Transform:
-        return Transform(stamp, target, source, pose[:3], pose[3:])
+    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> _Answer:
+        raise NotImplementedError
 
     def _seconds(self, timeout: Any) -> float:
-        return float(self._ns(timeout, 'timeout') / SECOND)
-
-    def _lookup(self, target: str, source: str, time: Any, timeout: float = 0.0) -> Transform:
-        stamp, pose = self._engine.wait(
-            [time], timeout, self._engine.lookups.pose, target, source, self._ns(time))
-        return self._answer(target, source, stamp, pose)
-
-    def _lookup_full(self, target: str, target_time: Any, source: str, source_time: Any,
-                     fixed: str, timeout: float = 0.0) -> Transform:
-        stamp, pose = self._engine.wait(
-            [target_time, source_time], timeout, self._engine.lookups.pose_full, target,
-            self._ns(target_time), source, self._ns(source_time), fixed)
-        return self._answer(target, source, stamp, pose)
-
-    def _why_not(self, target: str, source: str, time: Any, timeout: float = 0.0
-                 ) -> Optional[TransformException]:
-        return self._error_of([time], timeout, self._engine.lookups.check, target, source,
-                              self._ns(time))
-
-    def _why_not_full(self, target: str, target_time: Any, source: str, source_time: Any,
-                      fixed: str, timeout: float = 0.0) -> Optional[TransformException]:
-        return self._error_of(
-            [target_time, source_time], timeout, self._engine.lookups.check_full, target,
-            self._ns(target_time), source, self._ns(source_time), fixed)
+        return 0.0 if timeout is _NO_WAIT else float(self._ns(timeout, 'timeout') / SECOND)
 
     def _error_of(self, *arguments: Any) -> Optional[TransformException]:
         try:
@@ -393,6 +483,6 @@ class BufferBase:
         return None
 
 
-def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
+def _debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
     """Return the debug tuple of can_transform: (True, ''), or False and the text of the error."""
     return error is None, '' if error is None else str(error)

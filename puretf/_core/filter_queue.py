@@ -48,8 +48,9 @@ class Entry(NamedTuple):
 class FilterQueue:
     """The messages that wait for transforms of a buffer, whose lock guards them."""
 
-    def __init__(self, buffer: BufferBase, targets: Sequence[str], tolerance: int = 0,
-                 size: int = 0, clock: Callable[[], int] = monotonic_ns) -> None:
+    def __init__(self, buffer: BufferBase[Any, Any, Any], targets: Sequence[str],
+                 tolerance: int = 0, size: int = 0, clock: Callable[[], int] = monotonic_ns
+                 ) -> None:
         """
         Create an empty queue; call `restart` after a change of `targets`, `tolerance` or `size`.
 

@@ -178,7 +178,8 @@ def test_a_subclass_may_look_up_in_its_own_way():
                 self, target_frame, source_frame, time, timeout=LONG):
             return self.can_transform_core(target_frame, source_frame, time)[0]
 
-        def lookup_transform(self, target_frame, source_frame, time, timeout=LONG):
+        def lookup_transform(  # type: ignore[override]
+                self, target_frame, source_frame, time, timeout=LONG):
             if not self.can_transform(target_frame, source_frame, time):
                 raise RuntimeError('not mine')
             return self.lookup_transform_core(target_frame, source_frame, time)
