@@ -9,14 +9,9 @@ import sys
 
 
 def distribution() -> str:
-    """Return that of the environment, or whose rclpy pip has installed; 'jazzy' if none is."""
-    if name := os.environ.get('ROS_DISTRO'):
-        return name
-    try:
-        version('ros-kilted-rclpy')
-    except PackageNotFoundError:
-        return 'jazzy'
-    return 'kilted'
+    """Return that of the environment, or whose rclpy is installed; 'jazzy' if none is."""
+    return os.environ.get('ROS_DISTRO') or (
+        'kilted' if rclpy_version().startswith('9.') else 'jazzy')
 
 
 def how_to_install_ros() -> str:
