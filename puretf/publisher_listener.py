@@ -19,8 +19,9 @@ from puretf._ros.graph import gid_of, node_of, nodes_on
 from puretf._ros.other_topics import TransformSampler
 from puretf._ros.rclpy_private import is_given, Taker
 from puretf._ros.subscription import SubscriptionSource, TopicSubscription
-from puretf._ros.topic_watch import Publishers, ReceivedMessage, TopicReader, TopicWatch
+from puretf._ros.topic_watch import Publishers, TopicReader, TopicWatch
 from puretf._text.names import TF_MESSAGE
+from puretf._wire.received_message import ReceivedMessage
 from puretf.transform_listener import TransformListener
 
 __all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader',

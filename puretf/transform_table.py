@@ -6,7 +6,7 @@ statistics, arrays are much faster than the method `rows` of each message.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,37 +14,14 @@ from numpy.typing import NDArray
 from puretf._core.pose import Row
 from puretf._wire.encoding import Encoding
 from puretf._wire.message_reader import KnownLayouts, Layout
+from puretf._wire.received_message import ReceivedMessage
+from puretf.bag import BagMessage
 
 #: Tables are created when the collected messages take more than `_MOST_BYTES`. A message takes the
 #: size of its data and `_OVERHEAD` (bytes).
 _MOST_BYTES, _OVERHEAD = 2**20, 100
-
-
-class Message(Protocol):
-    """A message that was received or recorded: a `ReceivedMessage` or a `BagMessage`."""
-
-    @property
-    def time(self) -> int:
-        """The time of arrival or of the recording (ns); 0: not known."""
-
-    @property
-    def is_static(self) -> bool:
-        """True if the message is from `/tf_static`."""
-
-    @property
-    def publisher(self) -> str:
-        """An identifier of the publisher."""
-
-    @property
-    def data(self) -> bytes:
-        """The bytes of the message."""
-
-    @property
-    def encoding(self) -> Encoding:
-        """The encoding of the bytes."""
-
-    def rows(self) -> list[Row]:
-        """Return the transforms of the message; raise a ValueError if they are malformed."""
+#: A message that was received or recorded.
+Message = Union[ReceivedMessage, BagMessage]
 
 
 class TransformTable(NamedTuple):

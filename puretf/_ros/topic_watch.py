@@ -9,11 +9,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from puretf._causes.facts import UNKNOWN
-from puretf._core.pose import Row
 from puretf._ros.graph import nodes_by_gid
 from puretf._ros.own_node import subscribe_to_bytes
 from puretf._ros.rclpy_private import Taker
-from puretf._wire.encoding import CDR, Encoding
+from puretf._wire.received_message import ReceivedMessage
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 0.5
@@ -21,41 +20,6 @@ _SCAN_INTERVAL = 0.5
 _MOST_NAMES = 10_000
 _LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
 _OTHER = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
-
-
-class ReceivedMessage(bytes):
-    """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
-
-    #: The gid of the publisher, in hex; '' if the gid is not known. If the middleware does not
-    #: report gids: the bytes that it reports instead, in hex.
-    publisher = ''
-    time = 0  #: the time of arrival, on the system clock (ns)
-    sent = 0  #: when it was sent, on the system clock of its computer (ns); 0: not known
-    is_static = False  #: True if the message is from /tf_static
-    encoding: Encoding = CDR
-
-    @property
-    def data(self) -> bytes:
-        """The bytes of the message."""
-        return self
-
-    @classmethod
-    def of(cls, data: bytes, publisher: str = '', time: int = 0, sent: int = 0
-           ) -> 'ReceivedMessage':
-        """Create a message; a time of 0 is replaced by the current time."""
-        message = cls(data)
-        message.publisher, message.time, message.sent = publisher, time or time_ns(), sent
-        return message
-
-    def rows(self) -> list[Row]:
-        """
-        Return the transforms of the message, unchanged: names may have a leading slash.
-
-        :returns: for each transform: `stamp_ns`, `frame_id`, `child_frame_id` and `pose`. The pose
-            is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
-        :raises ValueError: if the bytes are not those of a TFMessage.
-        """
-        return CDR.unpack(self)
 
 
 class Publishers:

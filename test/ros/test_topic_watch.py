@@ -10,6 +10,7 @@ from ros_node import LATCHED, point
 from std_msgs.msg import Empty, String
 
 from puretf._ros import topic_watch
+from puretf._wire import received_message
 from puretf.publisher_listener import TopicReader, TopicWatch
 from puretf_tools.inspection import header_sampler
 from puretf_tools.inspection.header_sampler import HeaderSampler
@@ -76,7 +77,8 @@ def test_topics_are_left_and_read_again(ros, watch, capfd):
 def test_times_of_arrival_that_the_middleware_does_not_report(ros, monkeypatch):
     """They are later than the sending by the shortest delay, and not before the last take."""
     now = sent = 0
-    monkeypatch.setattr(topic_watch, 'time_ns', lambda: now)
+    for module in topic_watch, received_message:
+        monkeypatch.setattr(module, 'time_ns', lambda: now)
     reader, found = TopicReader(ros.node, String, '/words', 1), []
     monkeypatch.setattr(reader, '_taker', SimpleNamespace(
         has_reception_times=False, take=lambda most: [(b'', '', 0, sent)]))
