@@ -114,7 +114,7 @@ def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -
 def do_transform_quaternion_stamped(quaternion: QuaternionStamped, transform: TransformStamped
                                     ) -> QuaternionStamped:
     """Rotate an orientation; the quaternion of the result has w >= 0."""
-    pose = _transform_pose(Pose(orientation=quaternion.quaternion), transform)
+    pose = do_transform_pose(Pose(orientation=quaternion.quaternion), transform)
     return QuaternionStamped(header=_header(transform), quaternion=pose.orientation)
 
 
@@ -140,10 +140,6 @@ def do_transform_wrench_stamped(wrench: WrenchStamped, transform: TransformStamp
 @_takes(Pose)
 def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
     """Transform a pose; the quaternion of the result has w >= 0."""
-    return _transform_pose(pose, transform)
-
-
-def _transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
     x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
     qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
@@ -152,7 +148,7 @@ def _transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
 @_takes(PoseStamped)
 def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
     """Transform a stamped pose; the quaternion of the result has w >= 0."""
-    return PoseStamped(header=_header(transform), pose=_transform_pose(pose.pose, transform))
+    return PoseStamped(header=_header(transform), pose=do_transform_pose(pose.pose, transform))
 
 
 @_takes(PoseWithCovarianceStamped)
@@ -165,7 +161,7 @@ def do_transform_pose_with_covariance_stamped(
 
 
 def _with_covariance(pose: PoseWithCovariance, transform: TransformStamped) -> PoseWithCovariance:
-    return PoseWithCovariance(pose=_transform_pose(pose.pose, transform),
+    return PoseWithCovariance(pose=do_transform_pose(pose.pose, transform),
                               covariance=transform_covariance(pose.covariance, transform))
 
 
@@ -173,7 +169,7 @@ def _with_covariance(pose: PoseWithCovariance, transform: TransformStamped) -> P
 def do_transform_pose_array(poses: PoseArray, transform: TransformStamped) -> PoseArray:
     """Transform each pose; the quaternions of the result have w >= 0."""
     return PoseArray(header=_header(transform), poses=[
-        _transform_pose(pose, transform) for pose in poses.poses])
+        do_transform_pose(pose, transform) for pose in poses.poses])
 
 
 @_takes(Path)
