@@ -29,8 +29,8 @@ from geometry_msgs.msg import Polygon, TransformStamped
 from rclpy.type_support import check_for_type_support
 
 from puretf._text.distribution import distribution, rclpy_version
+from puretf._text.names import TF_MESSAGE
 
-_NAME = 'tf2_msgs/msg/TFMessage'
 #: The hashes of the descriptions of TFMessage and of TransformStamped, as in REP-2011.
 _HASH = 'e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 _ELEMENT_HASH = '0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206'
@@ -105,8 +105,8 @@ def _expect(what: str, expected: object, found: object) -> None:
     """Raise an ImportError if a value differs from that in ROS 2 Jazzy and Kilted."""
     if expected != found:
         raise ImportError(
-            f'cannot create {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy and '
-            f'Kilted: expected {expected!r}, found {found!r}; install '
+            f'cannot create {TF_MESSAGE} without tf2_msgs, because {what} is not as in ROS 2 '
+            f'Jazzy and Kilted: expected {expected!r}, found {found!r}; install '
             f'ros-{distribution()}-tf2-msgs by apt or conda', name='tf2_msgs')
 
 
@@ -157,7 +157,8 @@ _expect('the hash of TransformStamped', _ELEMENT_HASH, bytes(_element_hash.value
 _hash = TypeHash(1, (c_uint8 * 32)(*bytes.fromhex(_HASH)))
 # The description for the service `get_type_description`, which rcl copies: the name of the type,
 # but neither fields nor the types of fields, which are two empty sequences. No sources.
-_description = (String * 3)(String(_NAME.encode(), len(_NAME), len(_NAME) + 1))
+_description = (String * 3)(
+    String(TF_MESSAGE.encode(), len(TF_MESSAGE), len(TF_MESSAGE) + 1))
 _description_functions = [_constant(value) for value in (_hash, _description, String())]
 
 # The functions for rmw_fastrtps. Messages are passed to rmw_fastrtps as bytes, so rmw_fastrtps
