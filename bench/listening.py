@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from puretf import TransformBuffer
 from puretf._core.engine import engine_of
-from puretf._wire import cdr
-from puretf._wire.message_reader import MessageReader
+from puretf._wire.encoding import CDR
+from puretf._wire.message_reader import Layout, MessageReader
 
 ROLES = str(Path(__file__).parent / 'roles.py')
 MS = 1_000_000
@@ -28,9 +28,9 @@ RATE_LOST = 2000
 STREAMS = (500, 20), (1000, 4), (50, 20)
 
 
-def chain(frames: int) -> tuple[cdr.MessageTemplate, NDArray[np.float64]]:
+def chain(frames: int) -> tuple[Layout, NDArray[np.float64]]:
     """Return a template for messages of a chain of frames, and their poses."""
-    packet = cdr.MessageTemplate([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    packet = Layout(CDR, [(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     return packet, np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
 
 

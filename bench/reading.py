@@ -31,7 +31,7 @@ from puretf._core.pose import IDENTITY
 from puretf._core.pose import Row as TransformRow
 from puretf._wire import cdr
 from puretf._wire.encoding import CDR, ROS1
-from puretf._wire.message_reader import MessageReader
+from puretf._wire.message_reader import Layout, MessageReader
 from puretf_tools.commands import tf_doctor
 
 TF = 'tf2_msgs/msg/TFMessage'
@@ -47,7 +47,7 @@ NAMES = {'mcap': 'rosbag2 in mcap', 'db3': 'rosbag2 in sqlite3', 'bag': 'ROS 1'}
 
 def packets(frames: int, count: int, hertz: int = 100) -> Iterator[tuple[int, bytes]]:
     """Yield messages of a chain of frames: stamp (ns) and bytes."""
-    packet = cdr.MessageTemplate([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    packet = Layout(CDR, [(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     for number in range(count):
         half = 0.4 * np.sin(number / hertz + np.arange(frames))
         zero = np.zeros(frames)

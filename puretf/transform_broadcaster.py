@@ -21,6 +21,8 @@ from puretf._ros import transform_stamped
 from puretf._ros.messages import TFMessage
 from puretf._ros.qos import check_node, profile, publish, TF
 from puretf._wire import cdr
+from puretf._wire.encoding import CDR
+from puretf._wire.message_reader import Layout
 from puretf.exceptions import described
 
 #: The largest number of frames that are remembered for the texts of errors.
@@ -100,7 +102,7 @@ class PreparedTransforms:
                 raise TypeError('an edge must be two names, frame_id and child_frame_id; '
                                 f'got {described(edge)}')
             transform_stamped.check_edge(*edge)
-        self._packet = cdr.MessageTemplate(self.edges)
+        self._layout = Layout(CDR, self.edges)
         self._publisher = publisher
 
     def send(self, stamp: Any, poses: 'ArrayLike') -> None:
@@ -115,7 +117,7 @@ class PreparedTransforms:
             quaternion cannot be normalised; or if the seconds of the stamp do not fit an int32.
         """
         values = np.asarray(poses, np.float64)
-        data = self._packet.pack(nanoseconds_or_int(stamp), values)
+        data = self._layout.pack(nanoseconds_or_int(stamp), values)
         if not normalize_poses(values.copy()):
             for edge, pose in zip(self.edges, values.tolist()):
                 transform_stamped.check_pose(*edge, pose)

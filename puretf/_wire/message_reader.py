@@ -7,15 +7,17 @@ positions of their fields, is worked out once, and later messages are read by on
 
 from collections.abc import Callable, Iterable, Sequence
 import struct
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from puretf._core.pose import Batch, BatchOrRows, Row, Rows
+from puretf._core.pose import Batch, BatchOrRows, POSE_BYTES, Row, Rows
+from puretf._core.times import split
 from puretf._text.times import SECOND
 from puretf._wire.encoding import CDR, Encoding, MalformedMessage
 
+pack_stamp = struct.Struct('<iI').pack
 #: When the messages of the kept layouts take more than this (bytes), all layouts are dropped.
 _MOST_BYTES = 10_000_000
 #: No message is added to a batch of this many transforms: larger arrays do not fit the CPU caches.
@@ -27,7 +29,7 @@ Parts = tuple['Layout', tuple[bytes, ...], tuple[bytes, ...]]
 
 
 class Layout:
-    """The positions of the fields in messages that have the same frames."""
+    """The positions of the fields in messages that have the same frames; packs such messages."""
 
     def __init__(self, encoding: Encoding, edges: Sequence[tuple[str, str]]) -> None:
         self.edges = edges
@@ -39,6 +41,8 @@ class Layout:
         self._head = encoding.head, len(edges)
         self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
         self._stamp_type = np.dtype([('sec', f'<{encoding.stamp[0]}'), ('nanosec', '<I')])
+        self._template: list[Any] = [*self._head, *[None] * (4 * len(edges))]
+        self._template[3::4], self._template[4::4] = self._frame_ids, self._child_frame_ids
 
     def read(self, data: bytes) -> Optional[Parts]:
         if len(data) < self._struct.size:
@@ -56,6 +60,21 @@ class Layout:
         times = np.frombuffer(stamps, self._stamp_type).reshape(-1, number)
         return (times['sec'].astype(np.int64) * SECOND + times['nanosec'],
                 np.frombuffer(poses, '<f8').reshape(-1, number, 7), int(times['nanosec'].max()))
+
+
+    def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
+        """Serialise n poses, (n, 7) float64, with one stamp; a ValueError names what is wrong."""
+        values = np.asarray(poses, '<f8')
+        if values.shape != (len(self.edges), 7):
+            raise ValueError(f'poses must be of shape ({len(self.edges)}, 7), got {values.shape}')
+        data = values.tobytes()
+        return self.fill([pack_stamp(*split(stamp_ns))] * len(values),
+                         [data[at:at + POSE_BYTES] for at in range(0, len(data), POSE_BYTES)])
+
+    def fill(self, stamps: list[bytes], poses: list[bytes]) -> bytes:
+        fields = self._template.copy()
+        fields[2::4], fields[5::4] = stamps, poses
+        return self._struct.pack(*fields)
 
 
 class KnownLayouts:

@@ -11,6 +11,7 @@ import pytest
 from puretf._core.pose import Row
 from puretf._wire import cdr
 from puretf._wire.encoding import CDR, MalformedMessage
+from puretf._wire.message_reader import Layout
 
 S = 10**9
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -105,28 +106,28 @@ def test_a_nul_in_a_name_is_refused():
 
 
 @given(st.lists(st.tuples(names, names), min_size=1, max_size=5), st.data())
-def test_a_template_packs_as_pack_does(edges, data):
-    """A template that is made once gives the same bytes."""
+def test_a_layout_packs_as_pack_does(edges, data):
+    """A layout that is made once gives the same bytes."""
     stamp_ns = data.draw(st.integers(-2**31 * S, 2**31 * S - 1))
     poses = np.array(data.draw(st.lists(
         st.tuples(*[numbers] * 7), min_size=len(edges), max_size=len(edges))))
-    assert cdr.MessageTemplate(edges).pack(stamp_ns, poses) == cdr.pack(
+    assert Layout(CDR, edges).pack(stamp_ns, poses) == cdr.pack(
         [Row(stamp_ns, parent, child, pose)
          for (parent, child), pose in zip(edges, poses.tolist())])
 
 
 @pytest.mark.parametrize('shape', [(7,), (2, 7), (1, 6), (1, 1), (0, 7)])
-def test_a_template_refuses_another_shape(shape):
+def test_a_layout_refuses_another_shape(shape):
     """Poses are not broadcast by numpy's rules, since each frame needs its own."""
     with pytest.raises(ValueError, match=r'shape \(1, 7\)'):
-        cdr.MessageTemplate([('a', 'b')]).pack(0, np.zeros(shape))
+        Layout(CDR, [('a', 'b')]).pack(0, np.zeros(shape))
 
 
 @pytest.mark.parametrize('stamp_ns', [2**31 * S, -2**31 * S - 1])
 def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
-    """Seconds are an int32 in the message, also in that of a template."""
+    """Seconds are an int32 in the message, also in that of a layout."""
     for pack in (lambda: cdr.pack([Row(stamp_ns, 'a', 'b', IDENTITY)]),
-                 lambda: cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))):
+                 lambda: Layout(CDR, [('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))):
         with pytest.raises(ValueError, match=(
                 rf'stamp must be from -2\*\*31 to 2\*\*31 - 1 seconds, got {stamp_ns} ns')):
             pack()
@@ -137,7 +138,7 @@ def test_the_ends_of_what_fits(stamp_ns):
     """The first and the last stamp, and those around zero, are exact to the nanosecond."""
     row = Row(stamp_ns, 'a', 'b', IDENTITY)
     assert CDR.unpack(cdr.pack([row])) == [row]
-    assert cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])
+    assert Layout(CDR, [('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])
 
 
 @given(*[st.text('ab_', min_size=1, max_size=254)] * 2, st.floats(allow_nan=False))
