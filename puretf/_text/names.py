@@ -54,8 +54,7 @@ def dot_escaped(text: str) -> str:
 
 def is_too_long(name: str) -> bool:
     """Return True if a name is too long for a frame: more than 1024 bytes in UTF-8."""
-    return (len(name) * 4 > LONGEST_NAME
-            and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)
+    return len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME
 
 
 def comma_list(texts: Sequence[str], write: Callable[[str], str] = str, shown: int = SHOWN) -> str:
