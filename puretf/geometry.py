@@ -52,6 +52,7 @@ from puretf._core.composition import compose, normalized
 from puretf._core.pose import Pose as FramePose
 from puretf._text.names import comma_list, quoted
 from puretf.exceptions import described, is_of_rosbags
+from puretf.transform import Transform as OurTransform
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 _NORMAL = 'normal_x', 'normal_y', 'normal_z'
@@ -311,12 +312,9 @@ def transform_points(point_cloud: 'ArrayLike', transform: Transform) -> NDArray[
     """
     Transform an array of points.
 
-    :param point_cloud: (n, 3): x, y, z (m).
-    :returns: (n, 3) float64.
+    :param point_cloud: (n, 3), or one point, (3,): x, y, z (m); the result has the same shape, in
+        float64.
     :raises ValueError: if the array has another shape.
     """
-    points = np.asarray(point_cloud, np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f'point_cloud must be of shape (n, 3), got {points.shape}')
-    x, y, z, *rotation = _pose(transform.translation, transform.rotation)
-    return np.asarray(points @ rotations.matrix(rotation).T + (x, y, z))
+    pose = _pose(transform.translation, transform.rotation)
+    return OurTransform(0, '', '', pose[:3], pose[3:]).apply(point_cloud)
