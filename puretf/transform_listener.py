@@ -234,17 +234,11 @@ class StaticTransformListener(TransformListener):
     """
     A subscriber to static transforms only, as in newer versions of tf2_ros.
 
-    A program that needs no dynamic transforms saves the cost of receiving them.
+    A program that needs no dynamic transforms saves the cost of receiving them. The arguments are
+    those of `TransformListener`, of which `qos` and `tf_topic` are for dynamic transforms only.
     """
 
     _has_tf = False
-
-    def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
-                 static_qos: Optional[Union[QoSProfile, int]] = None,
-                 tf_static_topic: str = '/tf_static') -> None:
-        """Subscribe; see `TransformListener` for the parameters."""
-        super().__init__(buffer, node, spin_thread=spin_thread, static_qos=static_qos,
-                         tf_static_topic=tf_static_topic)
 
 
 def _surroundings(reference: ref[TransformListener]) -> Surroundings:
