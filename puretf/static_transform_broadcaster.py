@@ -64,9 +64,8 @@ class StaticTransformBroadcaster:
 
     def _send(self, transforms: list[TransformStamped], replaces: bool = False) -> None:
         with explain_bad_fields(transforms), self._lock:
-            new = [*fields_to_send(transforms)]
-            cdr.pack_fields(new)  # raises the errors before anything changes
-            if replaces:
-                self._sent.clear()
-            self._sent.update({fields[3].removeprefix('/'): fields for fields in new})
-            publish(self.pub_tf, cdr.pack_fields([*self._sent.values()]))
+            new = {fields[3].removeprefix('/'): fields for fields in fields_to_send(transforms)}
+            sent = new if replaces else {**self._sent, **new}
+            data = cdr.pack_fields(sent.values())  # raises the errors before anything changes
+            self._sent = sent
+            publish(self.pub_tf, data)
