@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any, Optional, TypeVar
 
+from puretf._text.names import abbreviated
+
 __all__ = ['ConnectivityException', 'ExtrapolationException', 'InvalidArgumentException',
            'LookupException', 'TimeoutException', 'TransformException']
 
@@ -10,8 +12,6 @@ _Error = TypeVar('_Error', bound='TransformException')
 
 #: Returns what follows tf2's words in an error, and the codes of the causes.
 Explanation = Callable[[Any], tuple[str, tuple[str, ...]]]
-#: The longest value (characters) that the text of an error shows in full.
-_LONGEST = 100
 
 
 class TransformException(Exception):
@@ -85,9 +85,7 @@ def described(value: Any) -> str:
     """
     if is_of_rosbags(value):
         return f'a message {value.__msgtype__} of rosbags'
-    text = ' '.join(repr(value).split())
-    return (f'{text if len(text) <= _LONGEST else f"{text[:_LONGEST - 3]}..."} of type '
-            f'{type(value).__name__}')
+    return f'{abbreviated(" ".join(repr(value).split()))} of type {type(value).__name__}'
 
 
 def is_of_rosbags(value: Any) -> bool:
