@@ -89,8 +89,7 @@ class MessageFilter:
         self.dropped = self._queue.dropped
         self._on_pass: list[Callable[[Entry], object]] = []
         self._on_drop: list[Callable[[Entry], object]] = []
-        self._log = ThrottledLog()
-        self._log.write = node.get_logger().warning
+        self._log = ThrottledLog(node.get_logger().warning)
         self._has_ended = False
         self._timer: Any = None
         self._subscription: Any = None

@@ -86,8 +86,7 @@ class TransformListener:
         #: The number of messages that the listener's own thread could not decode and has dropped.
         self.malformed = 0
         self._start = monotonic()
-        self._log = ThrottledLog()
-        self._log.write = get_logger('tf2_listener').warning
+        self._log = ThrottledLog(get_logger('tf2_listener').warning)
         self._buffer = buffer
         self._engine: Optional[Engine] = None
         with suppress(TypeError):  # another buffer

@@ -11,6 +11,7 @@ from puretf._text.times import cache_text, display_time
 
 #: The largest number of frames of which it is remembered that there was a warning.
 _MAX_WARNED = 1000
+_LOGGER = logging.getLogger('puretf')
 
 # The texts of tf2, unchanged.
 
@@ -114,9 +115,8 @@ class ThrottledLog:
     of the log may look up transforms, and so wait for the lock of a buffer.
     """
 
-    def __init__(self) -> None:
-        #: The function that writes a warning; another function may be assigned.
-        self.write: Callable[[str], None] = logging.getLogger('puretf').warning
+    def __init__(self, write: Callable[[str], object] = _LOGGER.warning) -> None:
+        self.write = write  #: writes a warning; another function may be assigned
         #: The earliest monotonic time (s) of the next warning, by cause.
         self._next_times: dict[str, float] = {}
         #: The causes and frames of `warn`.
