@@ -136,16 +136,13 @@ _conversions: dict[Any, Callable[..., Any]] = {}
 
 
 def _find_function(functions: dict[Any, Callable[..., Any]], key: Any) -> Callable[..., Any]:
-    if key not in functions:
-        raise TypeException(f'Type {key} is not loaded or supported{_supported(functions, key)}')
-    return functions[key]
-
-
-def _supported(functions: dict[Any, Callable[..., Any]], key: Any) -> str:
-    if is_of_rosbags(key):
-        return ': it is a message of rosbags; create the message of ROS with these fields'
-    names = sorted(getattr(each, '__name__', str(each)) for each in functions)
-    return f'. The types with a function: {", ".join(names)}' if names else ''
+    if key in functions:
+        return functions[key]
+    remedy = ': it is a message of rosbags; create the message of ROS with these fields'
+    if not is_of_rosbags(key):
+        names = sorted(getattr(each, '__name__', str(each)) for each in functions)
+        remedy = f'. The types with a function: {", ".join(names) or "none"}'
+    raise TypeException(f'Type {key} is not loaded or supported{remedy}')
 
 
 class TransformRegistration:
