@@ -39,17 +39,16 @@ class Received(NamedTuple):
 
 
 class _Kept:
-    """The newest messages, up to a number and a size (bytes)."""
+    """The newest messages, up to a number and a size."""
 
-    def __init__(self, most_messages: int, most_bytes: int) -> None:
-        self._most_messages, self._most_bytes = most_messages, most_bytes
+    def __init__(self) -> None:
         self._messages: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
 
     def add(self, messages: list[ReceivedMessage]) -> None:
         self._messages += messages
         self._size += sum(map(len, messages))
-        while len(self._messages) > self._most_messages or self._size > self._most_bytes:
+        while len(self._messages) > _MOST_MESSAGES or self._size > _MOST_BYTES:
             self._size -= len(self._messages.popleft())
             self._dropped += 1
 
@@ -109,7 +108,7 @@ class PublisherListener(TransformListener):
                             f'callbacks or setters, got {self.buffer!r}')
 
     def _create_source(self, *args: Any) -> SubscriptionSource:
-        self._kept = _Kept(_MOST_MESSAGES, _MOST_BYTES)
+        self._kept = _Kept()
         self._publishers = Publishers(
             self.node, {each.topic_name for each in self.subscriptions}, TF_MESSAGE)
         return _GidSource(*args, publishers=self._publishers, kept=self._kept)

@@ -232,12 +232,14 @@ def test_messages_from_before_the_end_are_received(listener, send):
     assert listener.received() == ([], 0)
 
 
-def test_the_number_and_size_of_kept_messages_are_bounded():
+def test_the_number_and_size_of_kept_messages_are_bounded(monkeypatch):
     """The newest messages are kept, and the number of those that were dropped."""
     messages = [ReceivedMessage(bytes([i] * 8)) for i in range(50)]
     for most_messages, most_bytes, number_kept in (
             (10, 1000, 10), (1000, 87, 10), (1000, 16, 2), (1000, 7, 0)):
-        kept = publisher_listener._Kept(most_messages, most_bytes)
+        monkeypatch.setattr(publisher_listener, '_MOST_MESSAGES', most_messages)
+        monkeypatch.setattr(publisher_listener, '_MOST_BYTES', most_bytes)
+        kept = publisher_listener._Kept()
         for number in 25, 50, 1:
             kept.add(messages[:number - 1])
             kept.add(messages[number - 1:number])
