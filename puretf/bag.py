@@ -225,15 +225,14 @@ class Bag(AbstractContextManager['Bag']):
                     lambda error: faults.update([str(error).partition(':')[0]]), topic.encoding))
                 engine.insert_batches(
                     reader.read(messages, topic.publisher, bool(topic.is_static)))
-        count = contents.tf_count
         for fault, times in faults.items():
             _log.warning('%s: skipped %d of %d TF messages, which cannot be decoded: %s',
-                         self.path, times, count, fault)
+                         self.path, times, contents.tf_count, fault)
         self._finish(contents)
         frames = buffer.frames()
         if not frames:
-            raise BagError(
-                f'{self.path} has TF messages ({count}), but no valid transform in them')
+            raise BagError(f'{self.path} has no valid transform in its TF messages '
+                           f'({contents.tf_count})')
         if self.missing_part and not any(frame.is_static for frame in frames):
             engine.tree.missing_part = self.missing_part
         return buffer

@@ -662,7 +662,7 @@ def test_messages_that_cannot_be_decoded(tmp_path, logs, kind):
     (record,) = logs
     assert 'skipped 3 of 105 TF messages, which cannot be decoded: impossible count' in (
         record.getMessage())
-    with pytest.raises(BagError, match=r'all has TF messages \(1\), but no valid transform'):
+    with pytest.raises(BagError, match=r'all has no valid transform in its TF messages \(1\)'):
         read(bags.make(tmp_path / 'all', kind, bad))
 
 
