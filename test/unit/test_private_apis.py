@@ -39,7 +39,7 @@ PRIVATE = {
 #: Our packages, the standard library, and a library that does not list all public modules.
 NOT_SEARCHED = {*PACKAGES, *sys.stdlib_module_names, 'matplotlib'}
 #: Names with an underscore that the documentation of Python has.
-PUBLIC = {'_current_frames', '_thread', '_asdict', '_replace', '_make', '_exit'}
+PUBLIC = {'_current_frames', '_thread', '_asdict', '_fields', '_replace', '_make', '_exit'}
 
 
 def is_private(name):
