@@ -6,7 +6,7 @@ from itertools import chain, combinations
 from math import ceil
 from operator import attrgetter, itemgetter
 import re
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -475,20 +475,18 @@ def _other_clock_than(observation: Observation, clock: Track, told: Collection[T
         explains=(*_OF_STAMPS, 'two_publishers', 'message_other_clock', *_WAITING))
 def _nanosec(observation: Observation) -> Iterator[_Fault]:
     """Find stamps whose nanosec is not the nanoseconds within the second."""
-    found: list[tuple[str, Sequence[str], str, Sequence[str]]] = [
-        (f'nanosec is up to {largest}', sorted(children), observation.topics[is_static],
-         [observation.nodes.get(publisher, '')]) for (publisher, is_static), (largest, children)
-        in observation.statistics.too_many_ns.items()]
-    found += [(track.stream.odd_nanoseconds, [track.child], observation.topics[0],
-               [observation.node_of(track)]) for track in observation.tracks]
-    for topic in observation.message_times:
-        largest = observation.headers[topic.topic].nanosec
-        found.append((f'nanosec is up to {largest}' if largest >= SECOND else
-                      topic.stream.odd_nanoseconds, topic.frames, topic.topic,
-                      observation.senders.get(topic.topic, ())))
-    for text, frames, name, nodes in found:
-        if text:
-            yield _Fault(f'{text} in stamps of {listed(frames)}', (), frames, [name], nodes)
+    odd = {track: text for track in observation.tracks
+           if (text := _odd_nanosec(track['nanosec'], track))}
+    for tracks in observation.by_publisher(odd.__contains__):
+        yield _Fault(f'{odd[tracks[0]]} in stamps of {listed(map(_child_of, tracks))}', tracks)
+    for each in observation.message_times:
+        if text := _odd_nanosec(observation.headers[each.topic].nanosec, each):
+            yield _Fault(f'{text} in stamps of {listed(each.frames)}', (), each.frames,
+                         [each.topic], observation.senders.get(each.topic, ()))
+
+
+def _odd_nanosec(largest: int, timed: Union[Track, MessageTimes]) -> str:
+    return f'nanosec is up to {largest}' if largest >= SECOND else timed.stream.odd_nanoseconds
 
 
 @_check(*_same('frozen_stamp'),

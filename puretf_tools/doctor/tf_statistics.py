@@ -18,8 +18,6 @@ from puretf_tools.doctor.stream import Stream
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST, rate
 
-#: The largest number of names that are kept of a message with odd stamps.
-_MOST_NAMES = 100
 #: The largest number of tracks.
 _MOST_TRACKS = 10_000
 #: The norm of a quaternion may differ from 1 by this.
@@ -38,6 +36,7 @@ _FIELDS = np.dtype([
     ('unnormalized', 'i8'),  # with a quaternion whose norm is not 1
     ('norm_error', 'f8'),  # the largest difference of the norm from 1
     ('changes', 'i8'),  # with another pose than the one before; on /tf only if the stamp is equal
+    ('nanosec', 'i8'),  # the largest nanosec of a stamp in its messages
     ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns), and the last pose
     ('pose_before', '7f8'),  # the pose before the last one
     ('speed', 'f8'),  # the speed between these two (m/s plus rad/s)
@@ -95,9 +94,6 @@ class Statistics:
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
         self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
-        #: By publisher and topic: the largest nanosec, if one is a second or more, and the
-        #: children of these messages.
-        self.too_many_ns: dict[tuple[str, bool], tuple[int, set[str]]] = {}
         #: By the numbers of dynamic tracks whose transforms arrive together: the times of arrival
         #: and the stamps (ns).
         self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
@@ -149,11 +145,6 @@ class Statistics:
                 times=table.times.clip(-LATEST, LATEST), stamps=table.stamps[:, kept],
                 poses=table.poses[:, kept]))
             self._values[numbers] = values
-        if table.nanosec >= SECOND:
-            key = table.publisher, table.is_static
-            largest, children = self.too_many_ns.get(key, (0, set()))
-            self.too_many_ns[key] = max(largest, table.nanosec), children | {
-                child.removeprefix('/') for _, child in table.edges[:_MOST_NAMES]}
 
     def _count(self, values: Any, numbers: NDArray[np.intp], table: TransformTable) -> None:
         """Change the values (n,) of the tracks with some numbers by n transforms each message."""
@@ -172,6 +163,7 @@ class Statistics:
             first = values['first_time']
             values['first_time'] = np.where(first == 0, times.min(), first)
             values['last_time'] = np.maximum(values['last_time'], times.max())
+        values['nanosec'] = np.maximum(values['nanosec'], table.nanosec)
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
 
