@@ -51,6 +51,8 @@ _NO_STATIC = '; the bag has no static transforms'
 #: The codes of what is judged of stamps, and of the times of other messages.
 _OF_STAMPS = 'late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back'
 _WAITING = 'message_too_old', 'message_never', 'message_early'
+#: The scope of a fault that explains those of all frames and nodes.
+_ALL = frozenset([''])
 _child_of = attrgetter('child')
 
 
@@ -80,8 +82,8 @@ class _Fault(NamedTuple):
     remedy: Optional[str] = ''  #: '': that of the check; None: nothing
     severity: str = ''  #: '': that of the check
     time: int = 0  #: as `Finding.time`
-    #: The frames or nodes whose faults it explains, if its rule explains any; (): all; None: those
-    #: of the finding.
+    #: The frames or nodes whose faults it explains, if its rule explains any; None: those of the
+    #: finding or, if it names none, all.
     scope: Optional[Collection[str]] = None
     code: str = ''  #: '': that of the check
 
@@ -99,7 +101,7 @@ def _same(code: str) -> tuple[str, str, str]:
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
     """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
     findings: list[Finding] = []
-    named: dict[str, list[set[str]]] = {}  # by code: the names of each fault; an empty set: all
+    named: dict[str, set[str]] = {}  # by code: the names of its faults
     for check in known(CHECKS.values(), observation.not_known):
         for fault in check.find(observation) if check.code not in ignored else ():
             rule = CHECKS[fault.code or check.code]
@@ -113,20 +115,18 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 rule.code, fault.severity or rule.severity, frames, topics, nodes, fault.evidence,
                 rule.remedy if fault.remedy == '' else fault.remedy or '', rule.section,
                 fault.time))
-            named.setdefault(rule.code, []).append({
-                *(frames or nodes if fault.scope is None else fault.scope)})
-    explained = [(CHECKS[code].explains, set[str]().union(*names) if all(names) else set())
-                 for code, names in named.items()]
+            named.setdefault(rule.code, set()).update(
+                frames or nodes or _ALL if fault.scope is None else fault.scope)
     return sorted((finding for finding in findings if not any(
-        finding.code in codes and _is_among(finding, names, observation)
-        for codes, names in explained)),
+        finding.code in CHECKS[code].explains and _is_among(finding, names, observation)
+        for code, names in named.items())),
         key=lambda finding: SEVERITIES.index(finding.severity))
 
 
 def _is_among(finding: Finding, names: set[str], observation: Observation) -> bool:
     if finding.code.startswith('message_'):
         names = observation.below(names)
-    return not names or not (finding.frames or finding.nodes) or any(
+    return names >= _ALL or not (finding.frames or finding.nodes) or any(
         each and {*each}.issubset(names) for each in (finding.frames, finding.nodes))
 
 
@@ -159,7 +159,7 @@ def _found_by(code: str, observation: Observation) -> Iterator[_Fault]:
         tracks = [track for track in observation.tracks
                   if not frames.isdisjoint((track.child, *track.parents))]
         yield _Fault(evidence.text, tracks, evidence.frames, evidence.topics, evidence.nodes,
-                     RULES[code].remedy.format(**evidence.values) or None, scope=())
+                     RULES[code].remedy.format(**evidence.values) or None, scope=_ALL)
 
 
 for _code, _need in (('no_clock', 'listeners'), ('other_user', 'listeners'),
@@ -668,7 +668,7 @@ def _two_clocks(observation: Observation) -> Iterator[_Fault]:
         times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
         yield _Fault(
             f'{_counts(senders)} publish /clock, with the last times {times}', (), (), ['/clock'],
-            [sender.node for sender in senders], scope=())
+            [sender.node for sender in senders], scope=_ALL)
 
 
 @_check('clock_stands', 'Let the simulation or the bag go on.', 'clock', severity=WARNING,
@@ -678,7 +678,7 @@ def _clock_stands(observation: Observation) -> Iterator[_Fault]:
     if observation.clock_stands:
         nodes = observation.around.clock_nodes
         yield _Fault(f'the time on /clock of {listed(nodes)} has stood for '
-                     f'{observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=())
+                     f'{observation.clock_stands:.1f} s', (), (), ['/clock'], nodes, scope=_ALL)
 
 
 @_check('use_sim_time_differs', SIM_TIME, 'clock', severity=WARNING,
@@ -773,7 +773,7 @@ def _listener_busy(observation: Observation) -> Iterator[_Fault]:
             f'nothing has arrived on any topic for {in_words(silence)}' if silence else
             f'this program was up to {in_words(lateness)} late'),
             frames=map(_child_of, [*paused, *late]), topics=observation.topics[:1],
-            time=paused[worst].begin if worst else 0, scope=[''])
+            time=paused[worst].begin if worst else 0, scope=())
     ended, often = observation.ended, [
         track for track in observation.tracks if track.stream.steps >= FEWEST]
     times, nodes = [track['last_time'] for track in often], {*map(observation.node_of, ended)}
@@ -938,7 +938,7 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
                      [track for child in children for track in observation.by_child[child]],
                      severity='' if is_large else INFO, time=worst.step_back_at,
                      # A network that mixes them up makes them late.
-                     scope=None if is_large and back <= SHARE * count else [''])
+                     scope=None if is_large and back <= SHARE * count else ())
 
 
 @_check('same_stamp', 'Give each transform its own time.', 'repeated_data', severity=WARNING)
