@@ -47,7 +47,6 @@ _FEW_SWITCHES, _SWITCHES = 2, 0.02
 _SETTLED = 2.0
 #: No timeout that is longer than this (s) is proposed.
 _LONGEST_TIMEOUT = 10.0
-_NO_STATIC = '; the bag has no static transforms'
 #: The codes of what is judged of stamps, and of the times of other messages.
 _OF_STAMPS = 'late', 'future', 'gap', 'jump', 'same_stamp', 'time_goes_back'
 _WAITING = 'message_too_old', 'message_never', 'message_early'
@@ -271,27 +270,26 @@ def _loop(observation: Observation) -> Iterator[_Fault]:
 def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
     """Find frames in the headers of messages that no transform leads to."""
     known = tuple(observation.tree_of)
-    lacks_static = _lacks_static(observation)
-    note, severity, remedy = ('', '', '') if not lacks_static else (
-        _NO_STATIC, WARNING, f'If static transforms lead to it, {lacks_static} publish a '
-        'transform to it, or correct the name.')
     for frame, topics in observation.topics_of.items():
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
-            is_no_place = _is_no_place(observation, frame)
-            yield _Fault(f'{quoted(frame)} is in the headers on {listed(topics)}, but not among '
-                         f'the {len(known)} frames of the transforms{note}. '
-                         f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
-                         remedy='This is right if it is no place, as that of a joystick; '
-                         'otherwise, publish a transform to it.' if is_no_place else remedy,
-                         severity=INFO if is_no_place else severity)
+            fault = _Fault(f'{quoted(frame)} is in the headers on {listed(topics)}, but not among '
+                           f'the {len(known)} frames of the transforms. '
+                           f'{suggest_names(frame, known)}', frames=[frame], topics=topics)
+            yield fault._replace(severity=INFO, remedy=(
+                'This is right if it is no place, as that of a joystick; otherwise, publish a '
+                'transform to it.')) if _is_no_place(observation, frame) else _if_recorded(
+                    observation, fault, 'lead to it', 'to it, or correct the name.')
 
 
-def _lacks_static(observation: Observation) -> str:
-    """Return the begin of a remedy if a bag has no static transforms; else ''."""
-    return '' if not observation.has_record_times or any(
-        track.is_static for track in observation.tracks) else (
-            f'record {observation.topics[1]}, too, or read the part of the recording that has '
-            'them; otherwise,')
+def _if_recorded(observation: Observation, fault: _Fault, what: str, instead: str) -> _Fault:
+    """Make a warning of a fault that static transforms mend, if a bag has none of them."""
+    if not observation.has_record_times or any(track.is_static for track in observation.tracks):
+        return fault
+    return fault._replace(
+        evidence=f'{fault.evidence.rstrip(".")}; the bag has no static transforms',
+        severity=WARNING, remedy=f'If static transforms {what}, record {observation.topics[1]}, '
+        'too, or read the part of the recording that has them; otherwise, publish a transform '
+        f'{instead}')
 
 
 def _is_no_place(observation: Observation, frame: str) -> bool:
@@ -353,9 +351,7 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
         texts = [f'{listed(names)} on {listed(on)}' for names, on in parts[:SHOWN]]
         fault = _Fault(f'headers use frames of {len(parts)} trees: {"; ".join(texts)}', (), [
             *chain(*(names for names, _ in parts))], [*chain(*(on for _, on in parts))])
-        yield fault if not (lacks_static := _lacks_static(observation)) else fault._replace(
-            evidence=fault.evidence + _NO_STATIC, severity=WARNING, remedy='If static transforms '
-            f'connect them, {lacks_static} publish a transform between the trees.')
+        yield _if_recorded(observation, fault, 'connect them', 'between the trees.')
 
 
 @_check('volatile_listener', 'Use a TransformListener, or give the subscription the durability '
@@ -396,9 +392,6 @@ def _share(tracks: Sequence[Track], field: str) -> str:
         explains=('late', 'future', 'gap', *_WAITING))
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
     """Find stamps of another clock: far from the arrival, or off while others are in time."""
-    # If few such stamps make many others old, `time_goes_back` says it.
-    told = {track for track in observation.tracks
-            if observation.refused[track.child] > track['foreign']}
     stepped = {track for track in observation.tracks if track.stream.clock_step}
     for tracks in observation.by_publisher(stepped.__contains__):
         stream = max(tracks, key=itemgetter('largest_step')).stream
@@ -407,21 +400,20 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
                      f'{_known(step.length)} after {exact_time(step.begin)}, while transforms '
                      'arrive as before', tracks, time=step.begin,
                      severity=WARNING if -FUTURE <= delay <= LATE else '')
-    told |= stepped
+    # If few such stamps make many others old, `time_goes_back` says it.
+    told = stepped | {track for track in observation.tracks
+                      if observation.refused[track.child] > track['foreign'] > 0}
     if observation.clock:
         yield from _other_clock_than(observation, observation.clock, told)
         return
+    others = '; others are in time' * is_in_time(
+        [*observation.tracks, *observation.message_times])
     for tracks in observation.by_publisher(lambda track: track not in told and (
-            track['foreign'] > track['stalled'])):
-        yield _Fault(
-            f'{_off_text(tracks, "foreign", "least_delay", "greatest_delay")}; the last stamp is '
-            f'{exact_time(tracks[-1]["stamp"])}', tracks,
-            remedy=_clock_remedy(observation, tracks[-1]['stamp'], tracks))
-    if is_in_time([*observation.tracks, *observation.message_times]):
-        for tracks in observation.by_publisher(
-                lambda track: track not in stepped and _is_off(track)):
-            yield _Fault(f'{_off_text(tracks, "delays", "least_delay", "greatest_delay")}; others '
-                         'are in time', tracks, remedy=_by_dates(observation, tracks))
+            track['foreign'] > track['stalled'] or (others and _is_off(track)))):
+        field, stamp = 'foreign' if total(tracks, 'foreign') else 'delays', tracks[-1]['stamp']
+        yield _Fault(f'{_off_text(tracks, field, "least_delay", "greatest_delay")}; the last '
+                     f'stamp is {exact_time(stamp)}{others}', tracks,
+                     remedy=_clock_remedy(observation, stamp, tracks))
 
 
 def _is_off(track: Track) -> bool:
@@ -641,19 +633,16 @@ def _half_namespace(observation: Observation) -> Iterator[_Fault]:
         explains=(*_OF_STAMPS, 'other_clock'))
 def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
     """Find nodes that send the position of the same joint, which jumps."""
-    for topic, all_senders in observation.joint_senders.items():
+    for topic, senders in observation.joint_senders.items():
         if not observation.is_own(topic):
             continue
         readers = observation.joint_readers.get(topic, ())
-        groups: dict[tuple[Sender, ...], list[str]] = {}
         frames = [track.child for track in observation.tracks
                   if not track.is_static and observation.node_of(track) in readers]
-        for name in sorted({name for sender in all_senders for name in sender.names}):
-            if senders := rivals([each for each in all_senders if name in each.names]):
-                groups.setdefault((*senders,), []).append(name)
-        for found, joints in groups.items():
-            yield _Fault(f'{_counts(found)} send {listed(joints)} on {topic}', (), frames,
-                         [topic], [sender.node for sender in found])
+        for pair in combinations(senders, 2):
+            if (joints := pair[0].names & pair[1].names) and rivals(pair):
+                yield _Fault(f'{_counts(pair)} send {listed(sorted(joints))} on {topic}', (),
+                             frames, [topic], [sender.node for sender in pair])
 
 
 def _counts(senders: Sequence[Sender]) -> str:
