@@ -95,12 +95,12 @@ def read(text: str, current_type: int) -> Any:
     if current_type == ParameterType.PARAMETER_STRING:
         return text
     value = safe_load(text)
+    if value is None:
+        return text
     if isinstance(value, str):
         with suppress(ArgumentTypeError):  # PyYAML reads 1e-3 as text
             return number(text)
-    if isinstance(value, bool) or value is None:
-        return text if value is None else value
-    if isinstance(value, int) and current_type == ParameterType.PARAMETER_DOUBLE:
+    if type(value) is int and current_type == ParameterType.PARAMETER_DOUBLE:
         return number(text)
     if isinstance(value, list) and current_type == ParameterType.PARAMETER_DOUBLE_ARRAY:
         return [item if isinstance(item, float) else number(str(item)) for item in value]
@@ -114,9 +114,7 @@ def _value_text(value: ParameterValue) -> str:
     value = parameter_value_to_python(value)
     if value is None:
         return 'not set'
-    if isinstance(value, bool):
-        return str(value).lower()
-    return str(value) if isinstance(value, (int, float, str)) else str(list(value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def command(node: str, name: Optional[str], value: Optional[str], ros_args: Sequence[str]) -> int:

@@ -87,13 +87,13 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
     if old_style:
         if given or frame_id is not None or child_frame_id is not None:
             raise UsageError('Cannot specify both new-style (flags) and old-style (arguments)')
-        *numbers, frame_id, child_frame_id = ['', '', *old_style][-max(2, len(old_style)):]
-        names = {6: OLD_EULER, 7: OLD_QUATERNION}.get(len(numbers))
+        names = {8: OLD_EULER, 9: OLD_QUATERNION}.get(len(old_style))
         if names is None:
             raise UsageError(
                 f'the old style needs 8 arguments ({" ".join(OLD_EULER)} frame_id child_frame_id) '
                 f'or 9 ({" ".join(OLD_QUATERNION)} frame_id child_frame_id), got '
                 f'{len(old_style)}')
+        *numbers, frame_id, child_frame_id = old_style
         for name, text in zip(names, numbers):
             try:
                 given[name] = number(text)

@@ -2,6 +2,8 @@
 
 from collections import deque
 from collections.abc import Sequence
+from itertools import groupby
+from operator import attrgetter
 from statistics import fmean
 from typing import Optional, TYPE_CHECKING
 
@@ -28,26 +30,18 @@ class Chain:
         self._say = Once(is_terminal())
         #: The last times and delays (ns).
         self._delays: deque[tuple[int, int]] = deque(maxlen=WINDOW * _SAMPLES)
-        self._latest = 0  #: the time of the last call of `sample` (ns)
         self._common = 0  #: the newest time (ns) with data of the whole path; 0: it is static
-        #: After a jump back in time, until the buffer is cleared: `_common` before it.
-        self._stale = 0
 
     def sample(self) -> None:
         """Count the current delay, if it is known; after a jump back in time, begin again."""
-        now, before = self._frame_listener.now(), self._latest
-        self._latest = now
-        if now < before - SECOND:
-            self._delays.clear()
-            self._stale = self._common
+        now, before = self._frame_listener.now(), self._common
         try:
             buffer = self._frame_listener.buffer
             self._common = buffer.get_latest_common_time(*self.ends).nanoseconds
         except TransformException:  # `lines` reports the error
             return
-        if now < self._stale <= self._common:  # the buffer is not cleared yet
-            return
-        self._stale = 0
+        if self._common < before - SECOND:  # the buffer was cleared
+            self._delays.clear()
         if self._common and now:  # now is 0 while no message has arrived on /clock
             self._delays.append((now, now - self._common))
 
@@ -64,6 +58,7 @@ class Chain:
         if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
             return wrapped(f'Waiting for transform {shortened(first)} ->  {shortened(last)}: '
                            f'{visible(why)}')
+        self.sample()
         begin = self._frame_listener.now() - WINDOW * SECOND
         delays = [in_seconds(delay) for time, delay in self._delays if time >= begin]
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
@@ -76,17 +71,16 @@ def format_traffic(rows: Sequence[NodeTraffic]) -> list[str]:
     """Return a warning for each frame with several publishers, and tables of frames and nodes."""
     frames = [row for row in rows if row.frame]
     nodes = [row for row in rows if not row.frame]
-    publishers: dict[str, dict[str, int]] = {}  # by frame: how many a node has
-    for row in frames:
-        if row.senders:
-            publishers.setdefault(row.frame, {})[row.node] = row.senders
-    return [
-        *(f'Warning: {shortened(frame)} is published by ' + ' and '.join(
-            f'{shortened(node)}{f" ({count} publishers)" if count > 1 else ""}'
-            for node, count in several.items()) + '; a frame should have one publisher'
-          for frame, several in publishers.items() if sum(several.values()) > 1),
-        '', *_table('Frames:', 'published by', frames), '',
-        *_table('All Broadcasters:', 'node', nodes)]
+    lines = []
+    for frame, group in groupby(frames, attrgetter('frame')):
+        several = {row.node: row.senders for row in group if row.senders}
+        if sum(several.values()) > 1:
+            names = [f'{shortened(node)}{f" ({count} publishers)" if count > 1 else ""}'
+                     for node, count in several.items()]
+            lines.append(f'Warning: {shortened(frame)} is published by {" and ".join(names)}; '
+                         'a frame should have one publisher')
+    return [*lines, '', *_table('Frames:', 'published by', frames), '',
+            *_table('All Broadcasters:', 'node', nodes)]
 
 
 def _table(title: str, node_title: str, rows: Sequence[NodeTraffic]) -> list[str]:
