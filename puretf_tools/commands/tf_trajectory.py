@@ -296,20 +296,32 @@ def _rows(trajectory: Trajectory) -> Iterator[tuple[int, list[float]]]:
 
 def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     from matplotlib.figure import Figure
-    (target, source_frame), stamps, values = trajectory.ends, trajectory.times, trajectory.values
-    style = {'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}
-    panels = 4 if trajectory.has_twist else 2
-    figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
+    values, begin = trajectory.values, trajectory.stamps[0]
+    times, holes = (trajectory.times - begin) / SECOND, trajectory.rows_after_holes()
+    style: dict[str, Any] = {
+        'linewidth': 1.2, 'marker': '.' if len(trajectory.stamps) < 100 else ''}
+    panels = [('position (m)', 'xyz', values[:, :3]),
+              ('angle (°)', ('roll', 'pitch', 'yaw'), np.degrees(values[:, 7:10])),
+              ('velocity (m/s)', 'xyz', values[:, 10:13]),
+              ('angular velocity\n(rad/s)', 'xyz', values[:, 13:])]
+    panels = panels if trajectory.has_twist else panels[:2]
+    figure = Figure(figsize=(11.0, 1.0 + 2.1 * len(panels)), layout='constrained')
     ((left, right),) = figure.subfigures(1, 2, squeeze=False, width_ratios=(3, 2))
-    rows = left.subplots(panels, 1, sharex=True)
-    begin = trajectory.stamps[0]
-    holes = trajectory.rows_after_holes()
-    _plot_over_time(rows, (stamps - begin) / SECOND, values, holes, style)
+    rows = left.subplots(len(panels), 1, sharex=True)
+    for axes, (label, names, columns) in zip(rows, panels):
+        for name, column in zip(names, columns.T):
+            longest = 180.0 if label.startswith('angle') else np.inf
+            _plot(axes, times, column, holes, longest, label=name, **style)
+        axes.set_ylabel(label)
+        axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
     rows[-1].set_xlabel(f'time (s), from {exact_time(begin)} s')
     left.align_ylabels()
     _plot_path(right.subplots(), values[:, 0], values[:, 1], holes, style)
-    some = f', one of {step} rows' if step > 1 else ''
-    figure.suptitle(f'{shortened(source_frame)} in {shortened(target)}{some}', parse_math=False)
+    for axes in figure.axes:
+        axes.ticklabel_format(useOffset=False)
+        axes.grid(alpha=0.3)
+    names = ' in '.join(map(shortened, trajectory.ends[::-1]))
+    figure.suptitle(f'{names}{f", one of {step} rows" * (step > 1)}', parse_math=False)
     # Where a file cannot be written, the PDF backend raises other errors than OSError.
     drawing = BytesIO()
     with warnings.catch_warnings():
@@ -318,40 +330,21 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     path.write_bytes(drawing.getvalue())
 
 
-def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray[np.float64],
-                    holes: NDArray[np.int64], style: dict[str, Any]) -> None:
-    """Plot three columns of values in each of the axes, which share the time (s)."""
-    for axes, (label, names, array) in zip(rows, (
-            ('position (m)', 'xyz', 'positions'), ('angle (°)', ('roll', 'pitch', 'yaw'), 'rpy'),
-            ('velocity (m/s)', 'xyz', 'linear'),
-            ('angular velocity\n(rad/s)', 'xyz', 'angular'))):
-        for name, column in zip(names, values[:, ARRAYS[array]].T):
-            if array == 'rpy':
-                column = np.degrees(column)
-            _plot(axes, times, column, holes, {**style, 'label': name}, array == 'rpy')
-        axes.set_ylabel(label)
-        axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
-        axes.ticklabel_format(useOffset=False)
-        axes.grid(alpha=0.3)
-
-
 def _plot_path(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64],
                holes: NDArray[np.int64], style: dict[str, Any]) -> None:
-    _plot(axes, x, y, holes, {**style, 'color': 'black'}, dashes='no data')
+    _plot(axes, x, y, holes, dashes='no data', color='black', **style)
     for i, marker, color, label in ((0, 'o', 'tab:green', 'start'), (-1, 's', 'tab:red', 'end')):
         row = np.flatnonzero(~np.isnan(x))[i]
         axes.plot(x[row], y[row], marker, color=color, label=label)
     axes.set_aspect('equal', adjustable='datalim')
     axes.set(xlabel='x (m)', ylabel='y (m)', title='path from above')
-    axes.ticklabel_format(useOffset=False)
     axes.legend()
-    axes.grid(alpha=0.3)
 
 
 def _plot(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], holes: NDArray[np.int64],
-          style: dict[str, Any], is_angle: bool = False, dashes: Optional[str] = None) -> None:
+          longest: float = np.inf, dashes: Optional[str] = None, **style: Any) -> None:
     """Draw a line, dashed before some rows, with a gap where an angle jumps by 360 degrees."""
-    jumps = np.flatnonzero(is_angle & (abs(np.diff(y)) > 180.0)) + 1
+    jumps = np.flatnonzero(abs(np.diff(y)) > longest) + 1
     (line,) = axes.plot(*(np.insert(each, np.union1d(jumps, holes), np.nan) for each in (x, y)),
                         **style)
     if len(holes):
