@@ -22,7 +22,7 @@ from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
-from puretf_tools.doctor.observation import Observation
+from puretf_tools.doctor.observation import listened, Observation
 from puretf_tools.doctor.report import check_codes, examine, examine_bag, Report
 from puretf_tools.doctor.stream import FUTURE
 from puretf_tools.doctor.tf_statistics import Statistics
@@ -35,8 +35,6 @@ from puretf_tools.source import source
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-    from puretf_tools.inspection.frame_listener import FrameListener
 
 #: The time between two looks at the processes that examine bags (s).
 _POLL = 0.05
@@ -225,16 +223,13 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
             for each in survey, headers, robots, transforms:
                 each.poll()
 
-        elapsed, end = found.listen(seconds, poll), listener.now()
-        joint_senders, around = robots.senders(), listener.around()
+        elapsed, joint_senders = found.listen(seconds, poll), robots.senders()
         left_out = [f'headers on {topic}: {why}'
                     for topic, why in sorted(headers.not_read.items())]
         if any(dropped):
             left_out.append(f'{sum(dropped)} messages: they arrived too fast')
-        return Observation(
-            statistics, f'in {elapsed:.1f} s', (dynamic, static),
-            nodes=listener.names_of(statistics.publishers()),
-            present=listener.present,
+        return listened(
+            listener, statistics, f'in {elapsed:.1f} s', elapsed, {},
             volatile_listeners=_volatile_listeners(node, static), headers=headers.headers,
             senders=headers.senders(), robots=robots.robots(), joint_senders=joint_senders,
             joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
@@ -243,18 +238,8 @@ def _observe_live(seconds: float, ros_args: Sequence[str], namespace: str) -> Ob
             other_transforms=transforms.heard(),
             tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                        if TF_MESSAGE in types and node.count_publishers(topic)],
-            not_known=_not_known(listener, statistics, end), left_out=left_out, end=end,
-            ahead=listener.ahead, clock_text=listener.clock_text(),
-            clock_stands=clock.stands(), around=around, seconds=elapsed, late=pulse.late(elapsed))
-
-
-def _not_known(listener: 'FrameListener', statistics: Statistics, end: int) -> dict[str, str]:
-    not_known, tracks = {}, statistics.tracks()
-    if tracks and all(listener.is_present(track.publisher) is None for track in tracks):
-        not_known['nodes'] = 'the ROS graph does not know the publishers of the transforms'
-    if not end:
-        not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
-    return not_known
+            left_out=left_out, clock_text=listener.clock_text(), clock_stands=clock.stands(),
+            around=listener.around(), late=pulse.late(elapsed))
 
 
 def _volatile_listeners(node: 'Node', topic: str) -> list[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
 from operator import itemgetter
-from typing import Optional, Union
+from typing import Any, Optional, TYPE_CHECKING, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from puretf_tools.inspection.gaps import in_words
 from puretf_tools.inspection.robots import prefix, Robot
 from puretf_tools.inspection.traffic import recreated
 from puretf_tools.robot.observed import RobotsInBag
+
+if TYPE_CHECKING:
+    from puretf_tools.inspection.frame_listener import FrameListener
 
 #: Messages of a bag are counted when this number of them, or of their bytes, has been read.
 _MOST_WAITING, _MOST_BYTES = 2000, 1_000_000
@@ -152,17 +155,16 @@ class Observation:
     @cached_property
     def facts(self) -> Facts:
         """What the rules of errors are asked with."""
-        sent: dict[tuple[str, bool], dict[str, str]] = {
-            key: {} for key in self.statistics.empty_names}
         parents: dict[str, dict[str, Parent]] = {child: {} for child in self.by_child}
         for track in self.tracks:
-            sent.setdefault((track.publisher, track.is_static), {})[
-                track.child] = [*track.parents][-1]
             parents[track.child].update({
                 name: Parent(name, track.publisher, track.is_static) for name in track.parents})
+        sent = [(track.publisher, track.is_static, {track.child: [*track.parents][-1]})
+                for track in self.tracks]
         heard = [Heard(self.topics[is_static], '' if 'nodes' in self.not_known else publisher,
                        [self.nodes.get(publisher, '')], edges)
-                 for (publisher, is_static), edges in sent.items()]
+                 for publisher, is_static, edges in (
+                     *sent, *((*key, {}) for key in self.statistics.empty_names))]
         return Facts('none', self.around._replace(
             topics=self.topics[::-1], listen=lambda: [*heard, *self.other_transforms]),
             Frames([*self.tree_of], self.parents,
@@ -336,6 +338,20 @@ def is_in_time(timed: Iterable[Union[Track, MessageTimes]]) -> bool:
 def total(tracks: Iterable[Track], statistic: str) -> int:
     """Return the sum of one statistic of tracks."""
     return sum(int(track[statistic]) for track in tracks)
+
+
+def listened(listener: 'FrameListener', statistics: Statistics, where: str, seconds: float,
+             not_known: dict[str, str], **fields: Any) -> Observation:
+    """Return what a listener has received in some time (s), and what it knows of publishers."""
+    static, dynamic = listener.topics
+    publishers, end = statistics.publishers(), listener.now()
+    if publishers and all(listener.is_present(each) is None for each in publishers):
+        not_known['nodes'] = 'the ROS graph does not know the publishers of the transforms'
+    if not end:
+        not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
+    return Observation(
+        statistics, where, (dynamic, static), listener.names_of(publishers), listener.present,
+        not_known=not_known, end=end, ahead=listener.ahead, seconds=seconds, **fields)
 
 
 class BagObserver:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from puretf._causes.facts import Heard
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.doctor.checks import diagnose, Finding, SEVERITIES
-from puretf_tools.doctor.observation import Observation
+from puretf_tools.doctor.observation import listened, Observation
 from puretf_tools.doctor.stream import FEWEST
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection.traffic import SETTLING
@@ -34,7 +34,6 @@ class RecentFindings:
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener, self._pulse = listener, listener.pulse
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
-        self._end = 0  # of what was received, on the clock of the stamps (ns)
         #: When transforms were received (s), and these; the newest one of each edge before.
         self._tables: list[tuple[float, TransformTable]] = []
         self._before: _Newest = {}
@@ -51,8 +50,7 @@ class RecentFindings:
         :param others: returns what was heard on other topics since a time (s).
         :param now: on the monotonic clock (s).
         """
-        begin, self._end = thread_time(), self._listener.now()
-        self._begin = min(self._begin, now)
+        begin, self._begin = thread_time(), min(self._begin, now)
         if not is_complete:
             self._before, self._tables = self._parts(inf)
         self._tables += ((now, table) for table in transform_tables(messages))
@@ -93,14 +91,8 @@ class RecentFindings:
                 nanosec=table.nanosec * table.is_static))
         for _, table in after:
             statistics.add(table)
-        static, dynamic = listener.topics
-        not_known = {} if self._end else {'arrivals': 'no message has arrived on /clock'}
-        return Observation(
-            statistics, '', (dynamic, static),
-            nodes=listener.names_of(statistics.publishers()), present=listener.present,
-            other_transforms=others(time), end=self._end, ahead=listener.ahead,
-            not_known=_NOT_KNOWN | not_known, seconds=now - self._begin,
-            late=self._pulse.late(_LENGTH))
+        return listened(listener, statistics, '', now - self._begin, {**_NOT_KNOWN},
+                        other_transforms=others(time), late=self._pulse.late(_LENGTH))
 
     def _examine(self, others: Callable[[float], Sequence[Heard]], now: float) -> None:
         observed = self._observed(others, now, now - _LENGTH)
