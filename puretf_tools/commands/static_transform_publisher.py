@@ -6,7 +6,6 @@ from math import hypot
 from secrets import token_hex
 from typing import Optional
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from puretf import StaticTransformBroadcaster, Transform
@@ -26,7 +25,7 @@ _TOLERANCE = 0.01
 
 
 class StaticTransformPublisher(Node):
-    """A node that publishes one static transform, which it has as read-only parameters."""
+    """A node that publishes one static transform."""
 
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:
@@ -35,12 +34,6 @@ class StaticTransformPublisher(Node):
         if is_old_style:
             self.get_logger().warning(
                 'Old-style arguments are deprecated; see --help for new-style arguments')
-        values = {f'translation.{axis}': value for axis, value in zip('xyz', translation)}
-        values |= {f'rotation.{axis}': value for axis, value in zip('xyzw', rotation)}
-        for name, value in {
-                **values, 'frame_id': frame_id, 'child_frame_id': child_frame_id}.items():
-            self.declare_parameter(
-                name, value, ParameterDescriptor(read_only=True), ignore_override=True)
         x, y, z = translation
         qx, qy, qz, qw = rotation
         self._broadcaster = StaticTransformBroadcaster(self)

@@ -6,7 +6,6 @@ from typing import Any
 
 from processes import tool
 import pytest
-from rclpy.parameter import Parameter
 from ros_node import command_node, LATCHED, pose_of
 
 from puretf import TFMessage
@@ -79,22 +78,6 @@ def test_its_name_is_unique(publish):
     assert len(names) == 2
     for name in names:
         assert re.fullmatch(f'{NAME}_[A-Za-z0-9]{{16}}', name)
-
-
-def test_its_parameters_are_read_only(domain_id, monkeypatch):
-    """They have the values of the flags, also if others are given by `-p`."""
-    def run_node(make_node, ros_args, namespace):
-        with command_node(make_node, domain_id, *ros_args[1:]) as (node, _):
-            for name, value in (('frame_id', 'map'), ('child_frame_id', 'base'),
-                                ('translation.x', 1.0), ('rotation.w', 1.0), ('rotation.x', 0.0)):
-                assert node.get_parameter(name).value == value
-                result = node.set_parameters_atomically([Parameter(name, value=value)])
-                assert 'read-only' in result.reason
-        return 7
-
-    monkeypatch.setattr(static_transform_publisher, 'run_node', run_node)
-    assert static_transform_publisher.main(
-        ['--x', '1', *FRAMES, '--ros-args', '-p', 'translation.x:=5.0']) == 7
 
 
 def test_it_prints_the_transform_until_a_signal(start):
