@@ -23,8 +23,6 @@ from puretf_tools.doctor.report import examine
 from puretf_tools.view.feed import BagFeed, Feed, LiveFeed
 
 _EXPORTED_TIME = 10.0
-#: How many meshes that are not drawn in an export are named.
-_MOST_PROBLEMS = 10
 #: How long the thread that reads a bag may take to end (s).
 _LONGEST_END = 0.5
 
@@ -109,10 +107,8 @@ def _export(feed: Feed, seconds: float, meshes: Sequence[str], path: Path) -> No
     duration = animation.duration
     with progress(duration, desc='making the page', bar_format=BAR) as on_progress:
         page = animation.as_html(on_progress)
-    for problem in animation.problems[:_MOST_PROBLEMS]:
+    for problem in animation.problems:
         print(f'web_view: not drawn: {visible(problem)}', file=sys.stderr)
-    if (more := len(animation.problems) - _MOST_PROBLEMS) > 0:
-        print(f'web_view: not drawn: {more} more meshes', file=sys.stderr)
     with whole_file(path) as part:
         part.write_text(page, encoding='utf-8')
     print(f'wrote {visible(str(path))}: {duration:.1f} s')
