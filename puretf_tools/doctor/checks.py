@@ -602,7 +602,7 @@ def _of_messages(observation: Observation, topics: _Messages, what: str,
     frames = [topic.frames[i] for topic, found in topics
               for i in np.unique(topic.frame_numbers[found]).tolist()]
     nodes = [*chain(*(observation.senders.get(name, ()) for name in names)),
-             *map(observation.node_of, observation.dynamic_tracks(child))]
+             *map(observation.node_of, observation.by_child.get(child, ()))]
     return _Fault(f'{count} of {number} messages{sample} on {listed(names)} {what}{clock}', (),
                   frames, names, nodes, remedy)
 
@@ -676,7 +676,7 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     """Find nodes on different clocks: use_sim_time is true in some only."""
     answers, stamps = observation.use_sim_time, _last_stamps(observation)
     clocks, using = {sender.node for sender in observation.clocks}, {*filter(answers.get, answers)}
-    needy = answers.keys() & {*stamps, *observation.tf_listeners}
+    needy = {*stamps, *observation.tf_listeners}
     # What publishes /clock needs no use_sim_time.
     others = [node for node in answers if node in needy - using - clocks]
     # A simulation beside a robot may use its own clock.
@@ -734,7 +734,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         goes_on = name and tracks[0].publisher in (observation.present or ()) and (
             min(each['last_time'] for each in own) < max(each['first_time'] for each in own))
         yield _Fault(f'nothing was received of {listed(map(_child_of, tracks))} in the '
-                     f'last {in_words(silence)}, and {tracks[0].rate:.1f} Hz before'
+                     f'last {in_words(silence)}, and {SECOND / tracks[0]["period"]:.1f} Hz before'
                      f'{f"; {node} has ended" if node else ""}', tracks,
                      remedy=_start_again(node), severity=INFO if goes_on else '',
                      time=min(track['latest'] for track in tracks))

@@ -268,10 +268,6 @@ class Observation:
         return [judge(topic, headers, self._edges_above, span, clock)
                 for topic, headers in sorted(self.own_headers.items())]
 
-    def dynamic_tracks(self, child: str) -> list[Track]:
-        """Return the tracks of a child on /tf."""
-        return [track for track in self.by_child.get(child, ()) if not track.is_static]
-
     def _edges_above(self, frame: str) -> Optional[dict[Edge, str]]:
         """Return the dynamic edges from a frame to its root, and their children; None: no tree."""
         name = frame.removeprefix('/')
@@ -282,7 +278,7 @@ class Observation:
         edges: dict[Edge, str] = {}
         for child in path:
             stream = self.stream(child)
-            if self.dynamic_tracks(child):
+            if not all(track.is_static for track in self.by_child.get(child, ())):
                 if not stream.arrivals.any():
                     return None
                 edges.setdefault(stream.edge, child)

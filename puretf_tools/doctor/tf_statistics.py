@@ -16,7 +16,7 @@ from puretf import SECOND
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.doctor.stream import Stream
 from puretf_tools.inspection.stamp_clock import StampClock
-from puretf_tools.inspection.traffic import LATEST, rate
+from puretf_tools.inspection.traffic import LATEST
 
 #: The largest number of tracks.
 _MOST_TRACKS = 10_000
@@ -75,11 +75,6 @@ class Track:
         """The arrivals and stamps; none of a static track."""
         return self._statistics.stream([self])
 
-    @property
-    def rate(self) -> Optional[float]:
-        """The average rate, by stamps (Hz); None if it is not known."""
-        return rate(len(self.stream.stamps), self.stream.oldest, self.stream.latest)
-
 
 class Statistics:
     def __init__(self, settling: int = 0, clock: Optional[StampClock] = None) -> None:
@@ -122,9 +117,7 @@ class Statistics:
         keys = (*sorted({key for track in tracks for key in self._keys.get(track.number, ())}),)
         if keys not in self._streams:
             kept = [self._arrivals[key] for key in keys] or [(array('q'), array('q'))]
-            # One array is looked at, not copied.
-            arrivals, stamps = (np.asarray(columns[0]) if len(columns) == 1 else
-                                np.concatenate(columns) for columns in zip(*kept))
+            arrivals, stamps = (np.concatenate(columns) for columns in zip(*kept))
             self._streams[keys] = Stream(
                 arrivals, stamps, self.clock.at(arrivals), max(since, default=0) + self.settling)
         return self._streams[keys]
