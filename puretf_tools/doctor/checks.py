@@ -485,12 +485,11 @@ def _odd_nanosec(largest: int, timed: Union[Track, MessageTimes]) -> str:
         explains=('same_stamp', 'jump', 'time_goes_back', 'message_other_clock', *_WAITING))
 def _frozen_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find stamps that do not advance; lookups at any other time fail."""
-    for tracks in observation.by_publisher(itemgetter('stall')):
-        stalls = [each for track in tracks if (each := track.stream.stall)]
-        stamps = comma_list([*map(exact_time, sorted({each.stamp for each in stalls}))])
+    for tracks in observation.by_publisher(itemgetter('stalled')):
+        stamps = comma_list([*map(exact_time, sorted({each['stall_stamp'] for each in tracks}))])
         yield _Fault(f'{_share(tracks, "stalled")} with a stamp that stands, at {stamps} for '
-                     f'{in_words(max(each.span for each in stalls))}', tracks,
-                     severity='' if any(each.is_last for each in stalls) else WARNING)
+                     f'{in_words(max(each["stall_span"] for each in tracks))}', tracks,
+                     severity='' if any(each['stands'] for each in tracks) else WARNING)
 
 
 @_check(*_same('zero_stamp'))

@@ -415,11 +415,3 @@ class BagObserver:
             around=Surroundings(
                 topics=(static, dynamic), publishers=publishers, has_data=bool(tracks),
                 other_topics=others if all(track.is_static for track in tracks) else ()))
-
-
-def observe_bag(bag: Bag) -> Observation:
-    """Read the transforms of a bag, the headers on its other topics, and its robots."""
-    observer = BagObserver()
-    for message in bag.messages(headers=True, others=observer.wanted):
-        observer.add(message)
-    return observer.observation(bag)

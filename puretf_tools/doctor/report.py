@@ -12,7 +12,7 @@ from puretf.bag import Bag, Paths
 from puretf.bag import open as open_bag
 from puretf_tools.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked
 from puretf_tools.doctor.message_times import Verdict
-from puretf_tools.doctor.observation import Observation, observe_bag
+from puretf_tools.doctor.observation import BagObserver, Observation
 from puretf_tools.inspection.terminal import columns, wrapped
 
 
@@ -75,19 +75,23 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
     if not isinstance(observed, (Bag, Observation)):
         with open_bag(observed) as bag:
             return examine(bag, ignore=ignore)
-    observation = observe_bag(observed) if isinstance(observed, Bag) else observed
-    findings = diagnose(observation, ignore)
+    if isinstance(observed, Bag):
+        observer = BagObserver()
+        for message in observed.messages(headers=True, others=observer.wanted):
+            observer.add(message)
+        observed = observer.observation(observed)
+    findings = diagnose(observed, ignore)
     counts = Counter(finding.severity for finding in findings)
     found = ', '.join(_count(count, severity) for severity, count in counts.items())
-    topics = [] if 'headers' in observation.not_known else [
-        topic.row() for topic in observation.message_times
+    topics = [] if 'headers' in observed.not_known else [
+        topic.row() for topic in observed.message_times
         if topic.judged or topic.count(Verdict.ZERO_STAMP)]
-    verdict = (f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
-               f'{_count(len(observation.tree_of), "frame")} {observation.where}')
-    if {each.is_static for each in observation.tracks} == {True}:
+    verdict = (f'{found or "healthy"}: {_count(observed.statistics.count, "transform")} of '
+               f'{_count(len(observed.tree_of), "frame")} {observed.where}')
+    if {each.is_static for each in observed.tracks} == {True}:
         verdict += ', no dynamic transforms'
-    return Report(findings, topics, [*not_checked(observation, ignore), *observation.left_out],
-                  visible(verdict), observation.clock_text)
+    return Report(findings, topics, [*not_checked(observed, ignore), *observed.left_out],
+                  visible(verdict), observed.clock_text)
 
 
 def examine_bag(bag: Paths, *, name: str = '', ignore: Collection[str] = (), **options: Any

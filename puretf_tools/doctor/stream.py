@@ -37,15 +37,6 @@ _Array = NDArray[np.int64]
 NEVER = np.iinfo(np.int64).max
 
 
-class Stall(NamedTuple):
-    """Messages, one after another, that have the same stamp."""
-
-    stamp: int  #: ns
-    span: int  #: from the arrival of the first to that of the last one (ns)
-    total: int  #: the number of all such messages, also with other stamps
-    is_last: bool  #: whether the last stamp stands
-
-
 class Step(NamedTuple):
     """A step forward from stamp to stamp."""
 
@@ -108,6 +99,7 @@ class Stream:
         self.oldest, self.latest = (int(stamps.min()), int(stamps.max())) if len(stamps) else (
             0, 0)
         self._judge_steps(np.diff(stamps))
+        self._judge_stalls()
         delays = self._delays()
         self._judge_delays(np.empty(0, np.int64) if delays is None else
                            delays[arrivals >= max(begin, 1)])
@@ -135,6 +127,21 @@ class Stream:
         #: True if the stamps are of two clocks in turn, as those of two publishers.
         self.alternates = int(np.count_nonzero(steps < -_TURN)) > max(
             _FEW_TURNS, _TURNS * len(self.stamps))
+
+    def _judge_stalls(self) -> None:
+        self.stalled = 0  #: how many messages have a stamp that stands, though messages arrive
+        #: That which stands longest (ns), and for how long (ns); whether the last stamp stands.
+        self.stall_stamp, self.stall_span, self.stands = 0, 0, False
+        if len(self.stamps) - self.steps < 3 or self._times is None:
+            return
+        changes = np.flatnonzero(np.diff(self.stamps)) + 1
+        begins, ends = np.append(0, changes), np.append(changes, len(self.stamps))
+        spans, numbers = self._times[ends - 1] - self._times[begins], ends - begins
+        has_stalled = (numbers > 2) & (spans >= max(_STALLED, _PERIODS * self.period))
+        if has_stalled.any():
+            i = int(np.where(has_stalled, spans, 0).argmax())
+            self.stalled, self.stands = int(numbers[has_stalled].sum()), bool(has_stalled[-1])
+            self.stall_stamp, self.stall_span = int(self.stamps[begins[i]]), int(spans[i])
 
     def _judge_delays(self, delays: _Array) -> None:
         self.delays = len(delays)  #: how many are known
@@ -193,7 +200,7 @@ class Stream:
             return False
         step = self.longest(gaps)
         return len(gaps) >= max(_FEWEST_GAPS, _JITTER * self.steps) or bool(
-            step.length > SHORTEST_GAP and (not self.stall or self.is_hole(step.at)))
+            step.length > SHORTEST_GAP and (not self.stalled or self.is_hole(step.at)))
 
     @cached_property
     def clock_step(self) -> Optional[tuple[float, float]]:
@@ -209,30 +216,10 @@ class Stream:
             np.quantile(part, (0.1, 0.5, 0.9)).tolist() for part in parts)
         return (before, after) if max(high - low, most - least) < LATE < before - after else None
 
-    @cached_property
-    def stall(self) -> Optional[Stall]:
-        """The stamp that stands longest, though messages arrive; None: there is none."""
-        if len(self.stamps) - self.steps < 3 or self._times is None:
-            return None
-        changes = np.flatnonzero(np.diff(self.stamps)) + 1
-        begins, ends = np.append(0, changes), np.append(changes, len(self.stamps))
-        spans, numbers = self._times[ends - 1] - self._times[begins], ends - begins
-        has_stalled = (numbers > 2) & (spans >= max(_STALLED, _PERIODS * self.period))
-        if not has_stalled.any():
-            return None
-        i = int(np.where(has_stalled, spans, 0).argmax())
-        return Stall(int(self.stamps[begins[i]]), int(spans[i]),
-                     int(numbers[has_stalled].sum()), bool(has_stalled[-1]))
-
-    @property
-    def stalled(self) -> int:
-        """How many messages have a stamp that stands."""
-        return self.stall.total if self.stall else 0
-
     @property
     def is_frozen(self) -> bool:
         """True if all have the same stamp."""
-        return self.stall is not None and self.oldest == self.latest and not self.zero_stamps
+        return self.stalled > 0 and self.oldest == self.latest and not self.zero_stamps
 
     @property
     def odd_nanoseconds(self) -> str:
