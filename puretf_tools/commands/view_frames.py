@@ -74,10 +74,12 @@ def command(output: str, seconds: float, text: bool, watch: bool, bag: Optional[
         print('\n'.join(format_tree(forest, now)))
     else:
         save(forest, now, path)
+        roots = ', '.join(map(shortened, forest.roots))
         print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
-              f'{_summary(forest)}')
+              f'frames: {len(forest.names)}, transforms: {len(forest.frames)}, '
+              f'root: {roots or "none"}')
     if clock or bag:
-        print(clock or _span(forest, now))
+        print(clock or f'ages are relative to the end of the bag, {exact_time(now)} s')
     return 0
 
 
@@ -125,22 +127,6 @@ def save(forest: Forest, now: int, path: Path) -> None:
         raise CommandError(f'{error}; wrote {dot_path}') from None
     write(path, drawing)
     write(dot_path, dot.encode())
-
-
-def _summary(forest: Forest) -> str:
-    roots = ', '.join(map(shortened, forest.roots))
-    return (f'frames: {len(forest.names)}, transforms: {len(forest.frames)}, '
-            f'root: {roots or "none"}')
-
-
-def _span(forest: Forest, now: int) -> str:
-    dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
-    if not dynamic:
-        return 'all transforms are static'
-    begin, end = min(frame.oldest for frame in dynamic), max(frame.latest for frame in dynamic)
-    reference = 'the end' if end == now else f'the end of the bag, {exact_time(now)} s'
-    return (f'from {exact_time(begin)} s to {exact_time(end)} s, '
-            f'{in_seconds(end - begin):.3f} s; ages are relative to {reference}')
 
 
 def write(path: Path, data: bytes) -> None:

@@ -109,7 +109,7 @@ def test_a_bag_is_drawn(bags, capsys, make_bag, there, kind, publisher):
     assert main(['--bag', make_bag(kind, bags.walk())]) == 0
     assert capsys.readouterr() == (
         'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n'
-        'from 100.000000000 s to 110.000000000 s, 10.000 s; ages are relative to the end\n', '')
+        'ages are relative to the end of the bag, 110.000000000 s\n', '')
     text = pypdf.PdfReader('frames.pdf').pages[0].extract_text()
     for words in ('map', 'odom', 'base_link', f'Broadcaster: {publisher}',
                   'Recorded at time: 110.000000', 'Most recent transform: 110.000000000'):
@@ -126,7 +126,7 @@ def test_the_tree_of_a_bag(bags, capsys, make_bag):
         '└── odom              static                 /sender\n'
         '    ├── base_link    10.0 Hz    0.000 s old  /sender\n'
         '    └── cup             ? Hz   11.000 s old  /sender\n'
-        'from 99.000000000 s to 110.000000000 s, 11.000 s; ages are relative to the end\n', '')
+        'ages are relative to the end of the bag, 110.000000000 s\n', '')
 
 
 @pytest.fixture
@@ -150,21 +150,17 @@ def test_loops_are_reported(capsys, house, there):
     assert (there / 'frames.pdf').exists()
 
 
-@pytest.mark.parametrize(('root', 'tree', 'span'), [
-    ('/base_link', ['base_link', '└── arm', '    └── tool'],
-     'from 102.000000000 s to 104.000000000 s, 2.000 s; '
-     'ages are relative to the end of the bag, 110.000000000 s'),
-    ('odom', ['odom', '└── base_link', '    └── arm', '        └── tool'],
-     'from 100.000000000 s to 110.000000000 s, 10.000 s; ages are relative to the end'),
-    ('tool', ['tool'], 'all transforms are static')])
-def test_the_tree_below_a_root(capsys, house, root, tree, span):
+@pytest.mark.parametrize(('root', 'tree'), [
+    ('/base_link', ['base_link', '└── arm', '    └── tool']),
+    ('odom', ['odom', '└── base_link', '    └── arm', '        └── tool']), ('tool', ['tool'])])
+def test_the_tree_below_a_root(capsys, house, root, tree):
     """There is no warning of a loop elsewhere; ages are relative to the end of the whole bag."""
     assert main(['--text', '--bag', house, '--root', root]) == 0
     out, err = capsys.readouterr()
     *lines, last = out.splitlines()
     assert [re.sub(' +[0-9?.]+ Hz.*', '', line) for line in lines] == tree
     assert ('6.000 s old' in out) == (root != 'tool')
-    assert last == span
+    assert last == 'ages are relative to the end of the bag, 110.000000000 s'
     assert err == ''
 
 
