@@ -23,7 +23,7 @@ from puretf._text.times import exact_time, longer_cache
 from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.doctor.message_times import LONG_WAIT, MessageTimes, Verdict
 from puretf_tools.doctor.observation import is_in_time, Observation, total
-from puretf_tools.doctor.stream import Edge, FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Step
+from puretf_tools.doctor.stream import FEWEST, FUTURE, GAP, LATE, SHARE, SHORTEST_GAP, Step
 from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Track
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import loops
@@ -538,14 +538,15 @@ def _message_too_old(observation: Observation) -> Iterator[_Fault]:
         'slow, or must --time be longer?', 'full_queue', needs=('headers', 'messages'))
 def _message_never(observation: Observation) -> Iterator[_Fault]:
     """Find messages that wait in vain: the transforms never reach their stamps."""
-    for edge, child, topics in _by_edge(observation, Verdict.NEVER):
-        late = max(int(topic.stamps.max()) for topic, _ in topics) - edge.end
+    for child, topics in _by_edge(observation, Verdict.NEVER):
+        end = observation.stream(child).edge.end
+        late = max(int(topic.stamps.max()) for topic, _ in topics) - end
         node = _ended_node(observation, observation.newest[child])
         yield _of_messages(
             observation, topics, f'wait in vain for the edge {_edge_text(observation, child)}, '
-            f'whose data end at {exact_time(edge.end)}', _start_again(node) or (
+            f'whose data end at {exact_time(end)}', _start_again(node) or (
                 'Correct the clock that stamps the messages.'
-                if 0 < late < 2 * _lead(topics) else ''), child)._replace(time=edge.end)
+                if 0 < late < 2 * _lead(topics) else ''), child)._replace(time=end)
 
 
 #: Topics, and which of their messages were found.
@@ -570,22 +571,21 @@ def _without_gaps(observation: Observation, topic: MessageTimes) -> MessageTimes
     """Judge no messages that wait for the end of a gap, which is reported."""
     verdicts = topic.verdicts.copy()
     for track, gaps, _ in observation.gaps:
-        edges = [i for i, (_, child) in enumerate(topic.edges) if child == track.child]
+        edges = [i for i, child in enumerate(topic.children) if child == track.child]
         before = np.maximum.accumulate(track.stream.stamps).searchsorted(topic.stamps) - 1
         verdicts[np.isin(topic.edge_numbers, edges) & np.isin(before, gaps)] = Verdict.NOT_JUDGED
     return topic._replace(verdicts=verdicts)
 
 
 def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
-             ) -> Iterable[tuple[Edge, str, _Messages]]:
-    """Group what `_found` yields by the edge, and its child, for which most messages wait."""
-    groups: dict[str, tuple[Edge, str, _Messages]] = {}
+             ) -> Iterable[tuple[str, _Messages]]:
+    """Group what `_found` yields by the child of the edge for which most messages wait."""
+    groups: dict[str, _Messages] = {}
     for topic, found in _found(observation, verdict, least_wait):
         number = np.bincount(topic.edge_numbers[found], topic.waits[found] + 1).argmax()
-        edge, child = topic.edges[number]
-        groups.setdefault(child, (edge, child, []))[-1].append(
+        groups.setdefault(topic.children[number], []).append(
             (topic, found & (topic.edge_numbers == number)))
-    return groups.values()
+    return groups.items()
 
 
 def _of_messages(observation: Observation, topics: _Messages, what: str,
@@ -789,7 +789,7 @@ def _start_again(node: str) -> str:
         'more often.', 'future', severity=WARNING, needs=('headers', 'messages'))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
-    for _, child, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+    for child, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
         largest = max(topic.quantiles()[-1] for topic, _ in topics)
         instead = ('correct the clock that stamps the messages' if _lead(topics) else
                    'make the publisher send the transforms sooner, or more often')
@@ -808,7 +808,7 @@ def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     """Find messages with the stamp 0; lookups for them take the latest transform."""
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
         fault = _of_messages(observation, [(topic, found)], 'have the stamp 0')
-        yield fault if topic.edges else fault._replace(
+        yield fault if topic.children else fault._replace(
             severity=INFO, remedy='This is right if the latest transform is meant.')
 
 

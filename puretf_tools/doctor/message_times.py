@@ -59,9 +59,10 @@ class MessageTimes(NamedTuple):
     #: (n,) from the arrival until it can be transformed, a large time if that is never; if it is
     #: too old: how long a listener would have to keep transforms (ns)
     waits: _Array
-    #: (n,) if it waits or waits in vain, the index in `edges` of the last edge whose data come.
+    #: (n,) if it waits or waits in vain, the index in `children` of that of the last edge whose
+    #: data come.
     edge_numbers: _Array
-    edges: list[tuple[Edge, str]]  #: each with its child
+    children: list[str]  #: those of the edges above the frames
 
     def count(self, *verdicts: Verdict) -> int:
         """Return how many messages of the sample have one of some verdicts."""
@@ -125,7 +126,7 @@ def judge(topic: str, headers: Headers,
         for each in (headers.arrivals, headers.stamps, headers.frame_numbers))
     times = clock.at(arrivals) if clock else None
     verdicts, waits, edge_numbers = (np.zeros_like(stamps) for _ in range(3))
-    all_edges: list[tuple[Edge, str]] = []
+    all_children: list[str] = []
     for number, frame in enumerate(headers.frames):
         children = edges_above(frame)
         if children is not None:
@@ -134,11 +135,11 @@ def judge(topic: str, headers: Headers,
             edges = sorted(children, key=attrgetter('end'))
             verdicts[at], waits[at], slowest = _verdicts(
                 stamps[at], arrivals[at], None if times is None else times[at], edges, span)
-            edge_numbers[at] = slowest + len(all_edges)
-            all_edges += [(edge, children[edge]) for edge in edges]
+            edge_numbers[at] = slowest + len(all_children)
+            all_children += map(children.__getitem__, edges)
     return MessageTimes(
         topic, headers.count, headers.step, [*headers.frames], numbers, arrivals, stamps,
-        Stream(arrivals, stamps, times), verdicts, waits, edge_numbers, all_edges)
+        Stream(arrivals, stamps, times), verdicts, waits, edge_numbers, all_children)
 
 
 def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: Sequence[Edge],

@@ -176,7 +176,7 @@ class Observation:
         """By topic: the offset of its stamps (ns), if it is off, while a frame is in time."""
         if not is_in_time(self.tracks):
             return {}
-        streams = [(topic.topic, topic.stream) for topic in self.message_times if topic.edges]
+        streams = [(topic.topic, topic.stream) for topic in self.message_times if topic.children]
         return {topic: stream.offset for topic, stream in streams if stream.offset and is_off(
             stream.offset, stream.latest, stream.latest - stream.offset)}
 

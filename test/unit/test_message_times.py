@@ -79,7 +79,7 @@ def test_edges_that_arrive_in_one_message():
     headers = {f'/{frame}': observed(arms, [(50, 50)], frame).headers['/scan']
                for frame in ('left', 'right')}
     times = replace(observed(arms, []), headers=headers).message_times
-    assert [[child for _, child in each.edges] for each in times] == [['left'], ['right']]
+    assert [each.children for each in times] == [['left'], ['right']]
 
 
 def test_the_clock_of_the_arrivals():
