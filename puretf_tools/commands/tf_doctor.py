@@ -1,5 +1,6 @@
 """The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import ExitStack
@@ -53,6 +54,7 @@ def command(frame_a: Optional[str], frame_b: Optional[str], t: When, seconds: fl
         raise UsageError('-t needs two frames')
     try:
         check_codes(ignore)
+        section = None if words is None else explained(' '.join(words).strip())
     except ValueError as error:
         raise UsageError(str(error)) from None
     if jobs is not None and (bag is None or frame_b or jobs < 1):
@@ -63,11 +65,8 @@ def command(frame_a: Optional[str], frame_b: Optional[str], t: When, seconds: fl
             print(f'{check.code} ({check.severity})',
                   *wrapped(f'{check.meaning} {check.advice}'.strip(), '    '), sep='\n')
         return 0
-    if words is not None:
-        try:
-            print(explained(' '.join(words).strip()))
-        except ValueError as error:
-            raise UsageError(str(error)) from None
+    if section is not None:
+        print(section)
         return 0
     if frame_a and frame_b:
         explanation = _explain((frame_a, frame_b), t, seconds, bag, namespace, ros_args)
@@ -88,14 +87,12 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
                   examine_one: Callable[..., dict[str, Any]]) -> int:
     """Print a report for each recording, in their order; return the exit code."""
     found = recordings(bag)
-    healthy = faulty = unreadable = 0
+    counts = Counter[str]()
     for result in _results(found, jobs, examine_one):
         if 'error' in result:
             result['error'] = for_commands(result['error'])
-        is_faulty = any(each['severity'] == ERROR for each in result.get('findings', ()))
-        unreadable += 'error' in result
-        faulty += is_faulty
-        healthy += not ('error' in result or is_faulty)
+        counts['not readable' if 'error' in result else 'with errors' if any(
+            each['severity'] == ERROR for each in result['findings']) else 'without errors'] += 1
         if as_json:
             print(json.dumps(result))
         elif 'error' in result:
@@ -105,9 +102,10 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
                             result['topics'], result['not_checked'], result['verdict'])
             print(report, end='\n\n' if len(found) > 1 else '\n')
     if len(found) > 1:
-        print(f'{len(found)} bags: {healthy} without errors, {faulty} with errors, {unreadable} '
-              'not readable', file=sys.stderr)
-    return int(faulty + unreadable > 0)
+        kinds = 'without errors', 'with errors', 'not readable'
+        print(f'{len(found)} bags: {", ".join(f"{counts[kind]} {kind}" for kind in kinds)}',
+              file=sys.stderr)
+    return int(counts['without errors'] < len(found))
 
 
 def _results(found: Sequence[Sequence[Path]], jobs: int,

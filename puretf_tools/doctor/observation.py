@@ -146,11 +146,9 @@ class Observation:
 
     def is_own(self, topic: str) -> bool:
         """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
-        namespace = self.topics[0].rpartition('/')[0]
-        namespaces = {namespace, *(name.rpartition('/')[0] for name in self.tf_topics)}
-        while topic and topic not in namespaces:
-            topic = topic.rpartition('/')[0]
-        return topic == namespace
+        own, *others = (name.rpartition('/')[0] for name in (self.topics[0], *self.tf_topics))
+        return own == max((each for each in (own, *others) if topic.startswith(f'{each}/')),
+                          key=len, default='')
 
     @cached_property
     def facts(self) -> Facts:
