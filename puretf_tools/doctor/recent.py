@@ -1,6 +1,6 @@
 """What the checks find in the transforms that arrive, while a program listens."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import inf
 from time import thread_time
 from typing import TYPE_CHECKING
@@ -24,8 +24,8 @@ _MOST, _TABLE = 300_000, 10
 #: Of a frame that is sent too seldom now, it is not known whether these are over.
 _OF_STEPS = 'gap', 'jump', 'one_shot'
 _NOT_KNOWN = dict.fromkeys(('headers', 'listeners', 'qos'), 'tf_doctor looks for them')
-#: By publisher, whether it is static, and child: a table, and the column of the edge.
-_Newest = dict[tuple[str, bool, str], tuple[TransformTable, int]]
+#: By publisher and child: the newest static transform, as a table.
+_Static = dict[tuple[str, str], TransformTable]
 
 
 class RecentFindings:
@@ -34,9 +34,9 @@ class RecentFindings:
     def __init__(self, listener: 'FrameListener') -> None:
         self._listener, self._pulse = listener, listener.pulse
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
-        #: When transforms were received (s), and these; the newest one of each edge before.
+        #: When transforms were received (s), and these; the static ones before.
         self._tables: list[tuple[float, TransformTable]] = []
-        self._before: _Newest = {}
+        self._before: _Static = {}
         self.findings: Sequence[Finding] = ()  #: those that are over come last
         self.verdict = ''
 
@@ -67,29 +67,23 @@ class RecentFindings:
         """Return whether `update` is to be called, so that it takes 5 % of the time at most."""
         return now >= self._next
 
-    def _parts(self, time: float) -> tuple[_Newest, list[tuple[float, TransformTable]]]:
-        """Return the newest of each edge before a time (s), and what was received after it."""
-        newest, after = {**self._before}, [each for each in self._tables if each[0] > time]
+    def _parts(self, time: float) -> tuple[_Static, list[tuple[float, TransformTable]]]:
+        """Return the static transforms before a time (s), and what was received after it."""
+        static, after = {**self._before}, [each for each in self._tables if each[0] > time]
         for _, table in self._tables[:len(self._tables) - len(after)]:
-            newest.update((key, (table, i)) for i, key in enumerate(_keys(table)))
-        goes_on = {key for _, table in after for key in _keys(table)}
-        return {key: each for key, each in newest.items() if (key[1] or key in goes_on)
-                and self._listener.is_present(key[0]) is not False}, after
+            for i, edge in enumerate(table.edges if table.is_static else ()):
+                static[table.publisher, edge[1].removeprefix('/')] = table._replace(
+                    edges=[edge], times=table.times[-1:], stamps=table.stamps[-1:, i:i + 1],
+                    poses=table.poses[-1:, i:i + 1])
+        return {key: table for key, table in static.items()
+                if self._listener.is_present(key[0]) is not False}, after
 
     def _observed(self, others: Callable[[float], Sequence[Heard]], now: float, time: float
                   ) -> Observation:
         """Return what was received after a time (s)."""
-        listener, (newest, after) = self._listener, self._parts(time)
+        listener, (static, after) = self._listener, self._parts(time)
         statistics = Statistics(SETTLING, listener.clock)
-        columns: dict[int, tuple[TransformTable, list[int]]] = {}
-        for table, column in newest.values():
-            columns.setdefault(id(table), (table, []))[1].append(column)
-        for table, numbers in columns.values():
-            statistics.add(table._replace(
-                edges=[table.edges[i] for i in numbers], times=table.times[-1:],
-                stamps=table.stamps[-1:, numbers], poses=table.poses[-1:, numbers],
-                nanosec=table.nanosec * table.is_static))
-        for _, table in after:
+        for table in (*static.values(), *(table for _, table in after)):
             statistics.add(table)
         return listened(listener, statistics, '', now - self._begin, {**_NOT_KNOWN},
                         other_transforms=others(time), late=self._pulse.late(_LENGTH))
@@ -114,11 +108,6 @@ class RecentFindings:
         count, span = len(findings) - over, f'in the last {_LENGTH:.0f} s'
         self.verdict = (f'{count} finding{"" if count == 1 else "s"}' if count else 'healthy') + (
             f'; over {span}: {over}' if over else f' {span}') + (clock and f'; {clock}')
-
-
-def _keys(table: TransformTable) -> Iterator[tuple[str, bool, str]]:
-    return ((table.publisher, table.is_static, child.removeprefix('/'))
-            for _, child in table.edges)
 
 
 def _is_same(finding: Finding, other: Finding) -> bool:
