@@ -192,15 +192,13 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     trajectory = Trajectory(found, ends, edges, times[::step], twist, max_gap)
     if path is None:
         _write_csv(sys.stdout, trajectory)
+        print(f'tf_trajectory: {trajectory}', file=sys.stderr)
     else:
         with whole_file(path) as part:
             _write(part, path.suffix.lower(), trajectory, step)
             check_signals()
-    summary = f'{trajectory}{f", of {len(times)} rows one of {step}" * (step > 1)}'
-    if path is None:
-        print(f'tf_trajectory: {summary}', file=sys.stderr)
-    else:
-        print(f'wrote {visible(str(path))}: {summary}')
+        some = f', of {len(times)} rows one of {step}' if step > 1 else ''
+        print(f'wrote {visible(str(path))}: {trajectory}{some}')
     for remark in trajectory.remarks():
         print(f'tf_trajectory: {visible(remark)}', file=sys.stderr)
     return 0

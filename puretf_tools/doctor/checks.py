@@ -187,8 +187,7 @@ def _two_publishers(observation: Observation) -> Iterator[_Fault]:
         what = (f'they differ by {max(_distance(*pair) for pair in group):.3g} (m plus rad)'
                 if a.is_static else f'{a["count"]} and {b["count"]} transforms')
         children = [a.child for a, _ in group]
-        yield _Fault(f'{who} {listed(children)}: {what}',
-                     [a, b], children)
+        yield _Fault(f'{who} {listed(children)}: {what}', [a, b], children)
 
 
 def _distance(a: Track, b: Track) -> float:
