@@ -402,8 +402,16 @@ def _other_clock(observation: Observation) -> Iterator[_Fault]:
     # If few such stamps make many others old, `time_goes_back` says it.
     told = stepped | {track for track in observation.tracks
                       if observation.refused[track.child] > track['foreign'] > 0}
-    if observation.clock:
-        yield from _other_clock_than(observation, observation.clock, told)
+    if clock := observation.clock:
+        # The delays are not compared, because a simulation can be slow, or pause.
+        for track in observation.tracks:
+            before, after = clock['oldest'] - track['latest'], track['oldest'] - clock['latest']
+            if track['delays'] and max(before, after) > OTHER_CLOCK and not (
+                    track in told or track.stream.is_frozen):
+                side = 'before' if before > 0 else 'after'
+                yield _Fault(f'all stamps of {shortened(track.child)} are at least '
+                             f'{in_words(max(before, after))} {side} those of '
+                             f'{shortened(clock.child)}', [track])
         return
     others = '; others are in time' * is_in_time(
         [*observation.tracks, *observation.message_times])
@@ -448,18 +456,6 @@ def _by_dates(observation: Observation, tracks: Iterable[Track]) -> str:
         return 'Look at how the node dates its transforms: the clock of its computer is right.'
     return (f'Synchronise the clocks of the computers: that of the sender is {in_words(ahead)} '
             f'{"ahead" if ahead > 0 else "behind"}, by the dates of its messages.')
-
-
-def _other_clock_than(observation: Observation, clock: Track, told: Collection[Track]
-                      ) -> Iterator[_Fault]:
-    # The delays are not compared, because a simulation can be slow, or pause.
-    for track in observation.tracks:
-        before, after = clock['oldest'] - track['latest'], track['oldest'] - clock['latest']
-        if track['delays'] and max(before, after) > OTHER_CLOCK and not (
-                track in told or track.stream.is_frozen):
-            yield _Fault(f'all stamps of {shortened(track.child)} are at least '
-                         f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
-                         f'those of {shortened(clock.child)}', [track])
 
 
 @_check(*_same('nanosec'),
