@@ -7,16 +7,16 @@ checks for it within 2 s, as in a long loop of a library, the first signal raise
 second signal does so at once, except during the cleanup at the end of a command.
 
 The last resort: if the shutdown of ROS, or then the exit of Python, takes more than 5 s each, or
-at the third signal, the process ends at once, by _exit. Nothing but this is limited: a command may
-go on after Ctrl-C, and write what it has recorded.
+at the third signal in it, the process ends at once, by _exit. Nothing but this is limited: a
+command may go on after Ctrl-C, and write what it has recorded.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import faulthandler
 import gc
 import os
 import signal
-from struct import pack
 import sys
 import time
 from typing import Any
@@ -28,11 +28,7 @@ _STEP = 0.05
 _LONGEST_UNCHECKED = 2.0
 #: How long the shutdown of ROS, and the exit of Python, may take (s).
 _LONGEST_END = 5
-#: The name of the command; libc keeps a pointer to it.
-_NAME = os.fsencode(os.path.basename(sys.argv[0]))
 
-#: The timers of libc that end the process: how each is deleted, it, and what it refers to.
-_last_resort: list[Any] = []
 _received: list[int] = []
 #: The number of signals that are only recorded. Each signal after them raises KeyboardInterrupt.
 _recorded = 1
@@ -97,37 +93,19 @@ def begin_cleanup() -> None:
 
 def end_cleanup() -> None:
     """Take the limit back, since ROS is shut down, and the command may go on."""
-    while _last_resort:
-        delete, timer, *_ = _last_resort.pop()
-        delete(timer)
+    global _recorded
+    _recorded = 1
+    faulthandler.cancel_dump_traceback_later()
 
 
 def _limit_end() -> None:
     """
-    Let libc print a line and end the process, unless the limit is taken back in time.
+    Print the stacks of all threads and end the process, unless the limit is taken back in time.
 
     Fast DDS may wait for ever, while the GIL is held, for a lock that a killed process has left.
-    Then no Python code runs, and no signal handler. But timer_create(2) calls a function of libc
-    that has one argument, in a thread of its own.
+    Then no Python code runs, and no signal handler, but the thread of faulthandler does.
     """
-    import ctypes  # not at the top, since this module must import fast
-    end_cleanup()
-    try:
-        libc = ctypes.CDLL('librt.so.1')  # and libc, which it needs
-    except OSError:
-        return  # it is another libc
-    text = ctypes.create_string_buffer(
-        f'ended, since the cleanup took more than {_LONGEST_END} s'.encode())
-    ctypes.c_char_p.in_dll(libc, 'program_invocation_short_name').value = _NAME  # for warnx
-    code = 128 + _received[0] if _received else 1
-    # The line has 1 s, since the threads are independent.
-    for delay, function, argument in ((0, libc['warnx'], ctypes.addressof(text)),
-                                      (1, libc['_exit'], code)):
-        timer, address = ctypes.c_void_p(), ctypes.cast(function, ctypes.c_void_p).value
-        libc.timer_create(time.CLOCK_MONOTONIC, pack(  # 2: SIGEV_THREAD, see sigevent(7)
-            'PiiP40x', argument, 0, 2, address), ctypes.byref(timer))
-        libc.timer_settime(timer, 0, pack('4l', 0, 0, _LONGEST_END + delay, 0), None)
-        _last_resort.append((libc.timer_delete, timer, text))
+    faulthandler.dump_traceback_later(_LONGEST_END, file=2, exit=True)
 
 
 def forget_signals() -> None:
@@ -177,8 +155,9 @@ def check_signals() -> None:
 def _record(number: int, _: object) -> None:
     _received.append(number)
     if len(_received) > _recorded:
-        if _last_resort:
-            os.write(2, _NAME + b': ended before the cleanup was complete\n')
+        if _recorded == 2:
+            name = os.path.basename(sys.argv[0])
+            os.write(2, os.fsencode(f'{name}: ended before the cleanup was complete\n'))
             os._exit(128 + _received[0])
         raise KeyboardInterrupt
     if _recorded == 1:  # the cleanup has its own limit

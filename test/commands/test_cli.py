@@ -212,9 +212,9 @@ def test_a_shutdown_that_hangs_is_cut_short(start):
         """)
     process.line_with('publishing map -> base_link')
     process.press_ctrl_c()
-    assert process.exit_code() == 130
-    assert process.output.splitlines()[-1] == (
-        '-c: ended, since the cleanup took more than 1 s')
+    assert process.exit_code() == 1
+    assert 'Timeout (0:00:01)!' in process.output
+    assert 'in spinning_node' in process.output
 
 
 def test_unfinished_ports_are_named(domain_id, monkeypatch):

@@ -76,8 +76,8 @@ def test_a_lock_that_a_killed_process_has_left_does_not_stop_an_end(start, domai
             file.write(struct.pack('4I', 2, 0, 2**22, 1))
         process.end(signal.SIGTERM)
         code = process.exit_code()
-        assert code in (0, 143)
+        assert code in (0, 1)
         if code:
-            assert process.output.endswith(': ended, since the cleanup took more than 5 s\n')
+            assert 'Timeout (0:00:05)!' in process.output
             return
     pytest.fail('Fast DDS has never waited')

@@ -201,12 +201,11 @@ def test_the_first_signal_is_recorded():
 
 
 def test_a_second_signal_does_not_interrupt_the_cleanup():
-    """The third signal does, in case the cleanup hangs."""
+    """The third signal ends it, in case it hangs: see below."""
     record_signals()
     assert not interrupts(signal.SIGINT)
     begin_cleanup()
     assert not interrupts(signal.SIGTERM)
-    assert interrupts(signal.SIGINT)
 
 
 @pytest.mark.parametrize('forget', [forget_signals, lambda: signal.signal(
@@ -249,18 +248,16 @@ def ended(code):
     return result.returncode, result.stdout, result.stderr
 
 
-CUT_SHORT = '-c: ended, since the cleanup took more than 1 s\n'
-
-
 @on_linux
-@pytest.mark.parametrize(('hang', 'count', 'code'), [
-    pytest.param('threading.Thread(target=threading.Event().wait).start()', 1, 143, id='thread'),
-    pytest.param('atexit.register(ctypes.PyDLL(None).pause)', 2, 143, id='with the GIL'),
-    pytest.param('atexit.register(ctypes.PyDLL(None).pause)', 0, 1, id='without a signal')])
-def test_an_exit_that_hangs_is_cut_short(hang, count, code):
-    """The exit code is that of the signal, if there was one; what was printed is there."""
-    assert ended(f'{hang}; run(lambda: print("done") or send({count}) or 0)') == (
-        code, 'done\n', CUT_SHORT)
+@pytest.mark.parametrize(('hang', 'count'), [
+    pytest.param('threading.Thread(target=threading.Event().wait).start()', 1, id='thread'),
+    pytest.param('atexit.register(ctypes.PyDLL(None).pause)', 2, id='with the GIL'),
+    pytest.param('atexit.register(ctypes.PyDLL(None).pause)', 0, id='without a signal')])
+def test_an_exit_that_hangs_is_cut_short(hang, count):
+    """The stacks show where it hangs; what was printed is there."""
+    code, output, error = ended(f'{hang}; run(lambda: print("done") or send({count}) or 0)')
+    assert (code, output) == (1, 'done\n')
+    assert error.startswith('Timeout (0:00:01)!\nThread ')
 
 
 @on_linux
