@@ -1,11 +1,10 @@
-"""Output to a terminal: whether stdout is one, its size and escapes, and the width of texts."""
+"""Output to a terminal: whether stdout is one, its size and escapes, and columns."""
 
 from collections.abc import Sequence
 import re
 import shutil
 import sys
 from textwrap import wrap
-from unicodedata import combining, east_asian_width
 
 from puretf._text.names import LONGEST
 
@@ -22,7 +21,7 @@ def show(lines: Sequence[str]) -> None:
             rest = len(lines) - rows + 2
             lines = [*lines[:max(0, rows - 2)],
                      f'... {rest} more lines (pipe the output to see all)']
-        print(_HOME_AND_CLEAR + '\n'.join(cut(line, columns) for line in lines))
+        print(_HOME_AND_CLEAR + '\n'.join(line[:columns] for line in lines))
     else:
         print(*lines, '', sep='\n')
 
@@ -59,42 +58,16 @@ class Once:
         return short if self._last == before and not self._in_place else text
 
 
-def width(text: str) -> int:
-    """
-    Return the number of columns that a text without control characters occupies.
-
-    >>> width('日本')
-    4
-    """
-    return len(text) if text.isascii() else sum(map(_columns_of, text))
-
-
-def _columns_of(character: str) -> int:
-    return 0 if combining(character) else 1 + (east_asian_width(character) in 'WF')
-
-
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """
-    Pad the cells of each column to one width; cells of 100 columns or more do not count for it.
+    Pad the cells of each column to one width; cells of 100 characters or more do not count for it.
 
     >>> columns([['map', 'static'], ['odom', '']])
     ['map   static', 'odom']
     """
-    widths = [max((size for size in map(width, column) if size < LONGEST), default=0)
+    widths = [max((size for size in map(len, column) if size < LONGEST), default=0)
               for column in zip(*rows)]
-    lines = ('  '.join(cell + ' ' * (size - width(cell)) for cell, size in zip(row, widths))
-             for row in rows)
-    return [line.rstrip() for line in lines]
-
-
-def cut(line: str, columns: int) -> str:
-    """Cut a line off at a width, before a wide character of which only half would fit."""
-    used = 0
-    for i, character in enumerate(line):
-        used += _columns_of(character)
-        if used > columns:
-            return line[:i]
-    return line
+    return ['  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def fixed_point(value: float, precision: int) -> str:

@@ -7,24 +7,12 @@ import pytest
 
 from puretf_tools.inspection import terminal
 
-COMBINED = 'e\u0301'  # it occupies one column
-
-
-@pytest.mark.parametrize(('line', 'columns', 'left'), [
-    ('map', 5, 'map'), ('map', 3, 'map'), ('map', 2, 'ma'), ('map', 0, ''), ('', 0, ''),
-    ('日本', 4, '日本'), ('日本', 3, '日'), ('日本', 1, ''), ('a日', 2, 'a'),
-    (COMBINED * 3, 3, COMBINED * 3), (COMBINED * 3, 2, COMBINED * 2)])
-def test_a_line_is_cut_off_by_columns(line, columns, left):
-    """A character occupies no column, one or two."""
-    assert terminal.cut(line, columns) == left
-    assert terminal.width(left) <= columns
-
 
 def test_a_cell_that_is_too_wide_does_not_make_its_column_wide():
     """It is neither padded nor cut off; the other cells are padded to the widest of them."""
-    cells = ['map', 'odom', '日' * 1000]
+    cells = ['map', 'odom', 'a' * 1000]
     assert terminal.columns([(cell, 'x') for cell in cells]) == [
-        'map   x', 'odom  x', f'{"日" * 1000}  x']
+        'map   x', 'odom  x', f'{"a" * 1000}  x']
 
 
 def open_screen(monkeypatch):

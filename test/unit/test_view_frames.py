@@ -42,14 +42,14 @@ def test_the_trees_in_the_terminal():
               dynamic('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
     assert view_frames.format_tree(Forest(frames), 100 * S + S // 4) == [
         'map',
-        '└── base             static                 /node',
-        '    ├── arm         50.0 Hz    0.250 s old  /node',
+        '└── base           static                 /node',
+        '    ├── arm       50.0 Hz    0.250 s old  /node',
         '    │   └── 日本     1.0 Hz    0.250 s old  /node',
-        '    └── wheel       10.0 Hz    0.250 s old  /node',
+        '    └── wheel     10.0 Hz    0.250 s old  /node',
         'b',
-        '├── a                static                 /node',
-        '│   └── b            static                 /node',
-        '└── tab\\t            static                 /node',
+        '├── a              static                 /node',
+        '│   └── b          static                 /node',
+        '└── tab\\t          static                 /node',
     ]
 
 
