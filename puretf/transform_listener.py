@@ -115,7 +115,7 @@ class TransformListener:
                 is_alive=node.context.ok, take=list, wake=lambda: None, close=lambda: None)
         else:
             if self._own is None:
-                self._qos_monitors += map(QosMonitor, self.subscriptions)
+                self._qos_monitors += (QosMonitor(each, self._log) for each in self.subscriptions)
             self._thread = ListenerThread(
                 node, self.group, self._own or MessageWait(node, self.tf_static_sub, self.tf_sub),
                 self._work, self._end, self._release)

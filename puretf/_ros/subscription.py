@@ -10,18 +10,16 @@ from time import monotonic
 from typing import Any, Optional
 
 from rclpy.exceptions import InvalidHandle
-from rclpy.logging import get_logger
 from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 
 from puretf._core.pose import BatchOrRows
+from puretf._core.texts import ThrottledLog
 from puretf._ros.rclpy_private import incompatible_qos, RCLError, take_bytes
 from puretf._wire.message_reader import MessageReader
 
 #: The authority that the Python listener of tf2_ros passes with every transform.
 AUTHORITY = 'default_authority'
-#: The time between two checks for incompatible publishers (s).
-_CHECK_INTERVAL = 1.0
 #: The largest number of messages that are taken at once, unless the queue is deeper. The buffer's
 #: lock is held meanwhile.
 _MAX_MESSAGES = 1000
@@ -117,26 +115,20 @@ class SubscriptionSource:
 class QosMonitor:
     """A monitor that warns of publishers whose QoS is incompatible with a subscription."""
 
-    def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic) -> None:
-        self._clock = clock
-        self._topic = subscription.topic_name
-        self._log = get_logger(subscription.logger_name)
+    def __init__(self, subscription: Subscription, log: ThrottledLog) -> None:
+        self._topic, self._log = subscription.topic_name, log
         self._event = incompatible_qos(subscription)
-        self._next = 0.0
 
     def check(self) -> None:
         """Warn of new incompatible publishers, in the words of rclpy, at most once a second."""
-        if self._event is None or (now := self._clock()) < self._next:
-            return
-        self._next = now + _CHECK_INTERVAL
-        status: Any = self._event.take_event()
+        status: Any = self._event and self._event.take_event()
         if status is not None and status.total_count_change > 0:
             policy = qos_policy_name_from_kind(status.last_policy_kind)
-            self._log.warning(
+            self._log.warn_once(self._topic, (
                 f"New publisher discovered on topic '{self._topic}', offering incompatible QoS. "
                 f'No messages will be received from it. Last incompatible policy: {policy}. '
                 f'Change {policy} of the publisher, or qos or static_qos of the '
-                'TransformListener.')
+                'TransformListener.'), 1.0)
 
     def close(self) -> None:
         """Release the event, which refers to the subscription."""
