@@ -633,10 +633,13 @@ def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
         readers = observation.joint_readers.get(topic, ())
         frames = [track.child for track in observation.tracks
                   if not track.is_static and observation.node_of(track) in readers]
-        for pair in combinations(senders, 2):
-            if (joints := pair[0].names & pair[1].names) and rivals(pair):
-                yield _Fault(f'{_counts(pair)} send {listed(sorted(joints))} on {topic}', (),
-                             frames, [topic], [sender.node for sender in pair])
+        groups: dict[tuple[Sender, ...], list[str]] = {}
+        for name in sorted({*chain(*(sender.names for sender in senders))}):
+            if found := rivals([sender for sender in senders if name in sender.names]):
+                groups.setdefault((*found,), []).append(name)
+        for group, joints in groups.items():
+            yield _Fault(f'{_counts(group)} send {listed(joints)} on {topic}', (), frames,
+                         [topic], [sender.node for sender in group])
 
 
 def _counts(senders: Sequence[Sender]) -> str:
