@@ -298,22 +298,19 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
         :raises ValueError: if the shape of `times` is not (n,), or a time is NaT.
         """
         times = int64_times(times, 'times')
-        columns, known = np.empty((7, len(times))), np.empty(len(times), np.bool_)
-        is_sorted = not (times[1:] < times[:-1]).any()
-        order = None if is_sorted else np.argsort(times)  # sorted times are found faster
-        asked = times if order is None else times[order]
+        poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
+        order = np.argsort(times, kind='stable')  # sorted times are found faster
         for begin in range(0, len(times), _CHUNK):
-            part = slice(begin, begin + _CHUNK)
+            part = order[begin:begin + _CHUNK]
             with self._engine.reading():
-                columns[:, part], known[part] = self._engine.lookups.poses(
-                    target_frame, source_frame, asked[part])
-        if order is not None:
-            columns[:, order], known[order] = columns.copy(), known.copy()
+                columns, known[part] = self._engine.lookups.poses(
+                    target_frame, source_frame, times[part])
+            poses[part] = columns.T
         if as_matrices:
-            result = matrices(columns)
+            result = matrices(poses.T)
             result[~known] = np.nan
             return result
-        return columns[:3].T, columns[3:].T, known
+        return poses[:, :3], poses[:, 3:], known
 
     def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
                      ) -> Twist:

@@ -2,7 +2,7 @@
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from math import acos, log, sin
 from operator import index, itemgetter
@@ -36,27 +36,31 @@ class Neighbours:
     """
     Many times, and for each time the two neighbouring samples: the one before and the one after.
 
-    The neighbours are those in the history that was searched last. Frames that arrive together
-    have the same stamps, so the next history is searched only if its stamps differ.
+    Frames that arrive together have the same stamps, so the next history is searched only if its
+    stamps differ.
     """
 
     def __init__(self, times: NDArray[np.int64]) -> None:
-        self.times = times
-        #: (2, n) the indices of the samples, counted from `History.start`.
-        self.indices: NDArray[np.intp] = np.zeros((2, len(times)), np.intp)
-        #: (2, n) the stamps of the samples (ns). If another history has these stamps at the same
-        #: indices, they are the neighbours there, too, unless two of its samples have the oldest
-        #: stamp. None: this does not hold, because a time has the same stamp on both sides.
-        self.stamps: Optional[NDArray[np.int64]] = None
+        self._times, self._samples = times, array('q')
+        self.first, self.last = int(times.min()), int(times.max())
+        #: (2, n) the indices of the samples in `search`.
+        self.indices: NDArray[np.intp] = np.empty((2, 0), np.intp)
         #: (2, n) the weights of the samples in a linear interpolation.
-        self.ratios: NDArray[np.float64] = np.zeros((2, len(times)))
+        self.ratios: NDArray[np.float64] = np.empty((2, 0))
 
-    def set(self, indices: NDArray[np.intp], stamps: NDArray[np.int64]) -> None:
+    def search(self, samples: 'array[int]') -> None:
+        """Search among the stamps of samples, of which at most one is before the first time."""
+        if samples == self._samples:
+            return
+        self._samples, stamps = samples, np.array(samples)
+        before = stamps.searchsorted(self._times, 'right') - 1
+        if stamps[0] != stamps[-1]:
+            before[self._times == stamps[0]] = 0  # as `History.find` does
+        self.indices = np.stack((before, np.minimum(before + 1, len(stamps) - 1)))
+        begin, end = stamps[self.indices]
         # The difference of two int64 may be too large for an int64, but not for a uint64.
-        span = (stamps[1] - stamps[0]).view(np.uint64)
-        self.indices, self.stamps = indices, stamps if span.all() else None
-        span[span == 0] = 1
-        ratio = (self.times - stamps[0]).view(np.uint64) / span
+        span = np.maximum((end - begin).view(np.uint64), 1)
+        ratio = (self._times - begin).view(np.uint64) / span
         self.ratios = np.stack((1.0 - ratio, ratio))
 
 
@@ -299,32 +303,22 @@ class History:
 
     def poses_at(self, neighbours: Neighbours) -> Columns:
         """
-        Return the poses at many times, which must be within the history; update `neighbours`.
+        Return the poses at many times, as `pose_at` does for one; search `neighbours`.
 
-        All samples must have the same parent.
+        The times must be within the history, and all samples must have the same parent.
         """
-        newest = len(self) - 1
-        stamps: Any = None
-        columns: Any = None
-        try:
-            stamps = np.frombuffer(self.stamps, np.int64)[self.start:]
-            columns = np.frombuffer(self.poses).reshape(-1, 7)[self.start:].T
-            starts_twice = newest > 0 and stamps[0] == stamps[1]
-            if starts_twice or neighbours.stamps is None or not (
-                    stamps.take(neighbours.indices, mode='clip') == neighbours.stamps).all():
-                before = stamps.searchsorted(neighbours.times, 'right') - 1
-                if starts_twice and stamps[0] != stamps[newest]:
-                    before[neighbours.times == stamps[0]] = 0
-                indices = np.stack((before, np.minimum(before + 1, newest)))
-                neighbours.set(indices, stamps.take(indices))
-            # No comprehension, because its frame would refer to `columns`; see below.
-            pairs = tuple(map(itemgetter(neighbours.indices), columns))
-        finally:
-            # `self.stamps` and `self.poses` cannot grow while numpy arrays use their memory. The
-            # traceback of an exception would keep the arrays in `stamps` and `columns` alive, so
-            # delete these variables.
-            del stamps, columns
-        return _interpolate_columns(pairs, neighbours.ratios)
+        first = max(bisect_left(self.stamps, neighbours.first) - 1, self.start)
+        last = bisect_right(self.stamps, neighbours.last, first)
+        neighbours.search(self.stamps[first:last + 1])
+        # `poses` cannot grow while an array uses its memory. So no variable refers to the array:
+        # the traceback of an exception would keep it alive.
+        pairs = [*map(itemgetter(first + neighbours.indices),
+                      np.frombuffer(self.poses).reshape(-1, 7).T)]
+        weights = _weights(pairs[3:], neighbours.ratios)
+        for i, pair in enumerate(pairs):
+            pair *= neighbours.ratios if i < 3 else weights
+        x, y, z, qx, qy, qz, qw = (before + after for before, after in pairs)
+        return x, y, z, qx, qy, qz, qw
 
     def parent_of(self, index: int) -> str:
         return self.only_parent if self.parents is None else self.parents[index]
@@ -372,26 +366,7 @@ class History:
                 'authority': self.authority, 'is_static': False, 'arrived': self.arrived}
 
 
-def _interpolate_columns(pairs: Columns, ratios: NDArray[np.float64]) -> Columns:
-    """
-    Interpolate between the two poses of n pairs, as `History.pose_at` does for one pair.
-
-    :param pairs: seven arrays of shape (2, n), which are overwritten.
-    :param ratios: (2, n) from 1, 0 (the first pose) to 0, 1 (the second pose).
-    """
-    x, y, z, qx, qy, qz, qw = pairs
-    weights = _weights(qx, qy, qz, qw, ratios)
-    return (_weighted(x, ratios), _weighted(y, ratios), _weighted(z, ratios),
-            _weighted(qx, weights), _weighted(qy, weights), _weighted(qz, weights),
-            _weighted(qw, weights))
-
-
-def _weighted(pair: Any, weights: NDArray[np.float64]) -> Any:
-    pair *= weights
-    return pair[0] + pair[1]
-
-
-def _weights(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]) -> Any:
+def _weights(rotations: Sequence[Any], ratios: NDArray[np.float64]) -> Any:
     """
     Return the (2, n) weights of the two quaternions of n pairs.
 
@@ -403,7 +378,7 @@ def _weights(x: Any, y: Any, z: Any, w: Any, ratios: NDArray[np.float64]) -> Any
     Tools 15 (2011). The terms after the one with u^k are less than (u / 2)^(k + 1), for both
     weights together. The smallest k is used for which this is less than 1e-13.
     """
-    cosine = x[0] * x[1] + y[0] * y[1] + z[0] * z[1] + w[0] * w[1]
+    cosine: Any = sum(before * after for before, after in rotations)
     smallest = cosine.min()
     sign: Any = 1.0
     weights: Any = 1.0
