@@ -32,9 +32,9 @@ class Lookups:
     """
     Lookups in a tree of frames; paths that were found are kept for later lookups.
 
-    A path from a source frame to a target frame is kept if the child frame of each edge has only
-    one parent in its history, and if there is no loop above the two frames at any time. Such a
-    path is the only path between the two frames until a frame gets a new parent. If no path
+    A path from a source frame to a target frame is kept if these frames and their ancestors have
+    only one parent each in their histories, and no loop. Such a path is the only path between the
+    two frames until a frame gets a new parent. If no path
     between two frames is kept, or if the kept path has no pose at the requested time, the tree is
     searched in the same way as in tf2. Therefore all results and errors are the same as in tf2.
 
@@ -162,8 +162,7 @@ class Lookups:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
         time = time or search.latest_common_time(self.tree, target, source)
         path = search.path(self.tree, target, source, time)
-        if all(edge.parents is None for edge in path.edges) and all(
-                search.has_no_loop_above(self.tree, frame) for frame in (source, target)):
+        if all(search.has_one_chain(self.tree, frame) for frame in (source, target)):
             if len(self.paths) >= _MAX_PATHS:
                 self.paths.clear()
             self.paths[target, source] = path

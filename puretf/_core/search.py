@@ -1,6 +1,6 @@
 """tf2's search for the path between two frames, and what follows from paths."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise, takewhile
 from typing import NamedTuple, Optional
 
@@ -31,7 +31,7 @@ def chain(tree: FrameTree, target: str, source: str, time: int) -> list[str]:
     return [*from_source, *(top or [source]), *reversed(from_target)]
 
 
-def _edges(tree: FrameTree, frames: list[str]) -> list[AnyHistory]:
+def _edges(tree: FrameTree, frames: Iterable[str]) -> list[AnyHistory]:
     return [history for frame in frames if (history := tree.histories[frame]) is not None]
 
 
@@ -147,21 +147,13 @@ def _periods(tree: FrameTree, target: str, source: str
         raise failures.unconnected(tree, target, source)
 
 
-def has_no_loop_above(tree: FrameTree, frame: str) -> bool:
-    """
-    Return True if no loop can be above a frame at any time.
-
-    From the frame upwards, every parent that occurs in a history is followed. So there can be
-    several chains of parents. If all chains end within 1000 edges, no chain contains a loop.
-    """
-    ancestors = {frame}
-    for _ in range(MAX_GRAPH_DEPTH + 1):
-        ancestors = {
-            parent for name in ancestors if (history := tree.histories[name]) is not None
-            for parent in history.all_parents}
-        if not ancestors:
-            return True
-    return False
+def has_one_chain(tree: FrameTree, frame: str) -> bool:
+    """Return True if a frame and its ancestors have one parent each at all times, but no loop."""
+    ancestors = tree.all_ancestors(frame)
+    edges = _edges(tree, ancestors)
+    # A loop has as many edges as frames.
+    return (len(edges) < len(ancestors) <= MAX_GRAPH_DEPTH + 1
+            and all(edge.parents is None for edge in edges))
 
 
 def may_be_connected(tree: FrameTree, frame: str, other: str) -> bool:
