@@ -140,8 +140,7 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
         So all lookups in a block of `with buffer.updated():` see the same state of the buffer.
         They do not wait, even if they have a timeout.
         """
-        self._engine.update_for_user()
-        return self._engine.lock
+        return self._engine.reading()
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: _Time = _LATEST,
                          timeout: _Duration = _NO_WAIT) -> _Answer:

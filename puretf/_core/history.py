@@ -81,8 +81,9 @@ class History:
     `arrived` is the stamp (ns) of the last transform that arrived, and `arrival` the monotonic
     time (ns) at which it did (`advance`: that with the newest stamp), also if it was not inserted:
     `repeated` transforms were in the history already, and `refused` ones were too old.
-    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher, and
-    `refusal` its time of arrival. `offsets` has some newest stamps minus their `advance`.
+    `refused_stamp` is the stamp (ns) of the last of these, and `refused_authority` its publisher;
+    `is_refusing` is True if it arrived last. `offsets` has some newest stamps minus their
+    `advance`.
     """
 
     is_static = False
@@ -99,7 +100,8 @@ class History:
         self.arrived = self.arrival = self.advance = self.repeated = self.next_offset = 0
         self.offsets: tuple[int, ...] = ()
         self.is_full = False  #: True if samples were dropped since there were too many
-        self.refused = self.refused_stamp = self.refusal = 0
+        self.refused = self.refused_stamp = 0
+        self.is_refusing = False
         self.refused_authority = ''
 
     def __len__(self) -> int:
@@ -119,11 +121,6 @@ class History:
     def is_frozen(self) -> bool:
         """Whether several transforms have arrived, all with the same stamp."""
         return self.oldest == self.latest != 0 and len(self) + self.repeated > 2
-
-    @property
-    def is_refusing(self) -> bool:
-        """Whether the last transform that arrived was too old."""
-        return self.refused > 0 and self.refusal == self.arrival
 
     @property
     def oldest(self) -> int:
@@ -162,7 +159,7 @@ class History:
         own_stamps = self.stamps
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
             return False
-        self.authority, self.arrived = authority, stamps[-1]
+        self.authority, self.arrived, self.is_refusing = authority, stamps[-1], False
         # Drop the samples that would be dropped if `insert` were called for each new sample.
         # `insert` drops the expired samples before it adds the new sample. So in the last call,
         # `insert` would count the cache time back from the second last stamp.
@@ -181,14 +178,14 @@ class History:
         `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the last is replaced. Return False if
         the sample is older than the cache time allows.
         """
-        stamps, self.arrived = self.stamps, stamp
+        stamps, self.arrived, self.is_refusing = self.stamps, stamp, False
         position = len(stamps)
         if position:
             earliest = stamps[-1] - self.cache_time
             if stamps[self.start] < earliest:
                 self.drop_before(bisect_left(stamps, earliest, self.start))
             if stamp < earliest:
-                self.refused += 1
+                self.refused, self.is_refusing = self.refused + 1, True
                 self.refused_stamp, self.refused_authority = stamp, authority
                 return False
             position = bisect_right(stamps, stamp, self.start)

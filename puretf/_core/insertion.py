@@ -88,7 +88,6 @@ class Insertion:
             if now >= history.next_offset:
                 history.note_offset()
         if not is_accepted:
-            history.refusal = history.arrival
             self.log.warn(child, texts.old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
                     old_data_end, self._tree.look, authority))
