@@ -11,7 +11,6 @@ from puretf._causes.explanation import explain
 from puretf._causes.facts import Edge, Facts, Frames, Look, NO_EDGE, RECENT, Symptom, Waited
 from puretf._core import texts
 from puretf._core.frames import as_string
-from puretf._core.history import History
 from puretf._core.tree import END, FrameTree
 from puretf._text.names import quoted, see
 
@@ -62,7 +61,7 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
     roots of their two trees.
     """
     child, worst, widest, now = frame, tree.histories[frame], 0, monotonic_ns()
-    assert isinstance(worst, History)
+    assert worst is not None
     error = exceptions.ExtrapolationException(texts.extrapolation(
         len(worst), worst.oldest, worst.latest, time, target, source))
     from_source, from_target, meeting = tree.chains_to_meeting(source, target)
@@ -72,7 +71,7 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
         for each in chain:
             if each == meeting:
                 break
-            if isinstance(history := tree.histories[each], History):
+            if (history := tree.histories[each]) is not None and not history.is_static:
                 # In the second case, the latest time of all edges is the stamp of this one.
                 gap = END if history.is_frozen or (tree.needs_listener and history.latest == time
                     and now - history.advance > RECENT) else history.distance_to(time)

@@ -8,7 +8,7 @@ from math import acos, log, sin
 from operator import index, itemgetter
 import struct
 from time import monotonic_ns
-from typing import Any, Optional, Union
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ class Neighbours:
 
 class History:
     """
-    The samples of a dynamic frame.
+    The samples of a frame; `StaticHistory` is that of a static one.
 
     A sample is *expired* if it is older than the newest sample by more than the cache time. Before
     a new sample is inserted, the expired samples are dropped.
@@ -133,8 +133,8 @@ class History:
             newest = self.find(min(until, self.latest) if until else 0)
         except NoPose:
             return None
-        return Frame(name, self.parent_of(newest), self.authority, False, newest - self.start + 1,
-                     self.stamps[newest], self.oldest, self.arrived,
+        return Frame(name, self.parent_of(newest), self.authority, self.is_static,
+                     newest - self.start + 1, self.stamps[newest], self.oldest, self.arrived,
                      self.refused_authority if self.is_refusing else self.authority)
 
     def copy(self, since: int) -> 'History':
@@ -360,7 +360,7 @@ class History:
         return {'parents': [self.parent_of(i) for i in indices],
                 'stamps': self.stamps[self.start:].tolist(),
                 'poses': [list(self.pose(i)) for i in indices],
-                'authority': self.authority, 'is_static': False, 'arrived': self.arrived}
+                'authority': self.authority, 'is_static': self.is_static, 'arrived': self.arrived}
 
 
 def _weights(rotations: Sequence[Any], ratios: NDArray[np.float64]) -> Any:
@@ -400,47 +400,32 @@ def _weights(rotations: Sequence[Any], ratios: NDArray[np.float64]) -> Any:
     return weights
 
 
-class StaticHistory:
-    """The history of a static frame: one pose, which holds at all times."""
+class StaticHistory(History):
+    """The history of a static frame: one pose, which holds at all times, with the stamp 0."""
 
     is_static = True
-    parents = None
-    latest = oldest = 0  # as for a History without samples
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
-        self.only_parent, self.pose, self.authority = parent, pose, authority
-        self.all_parents = (parent,)
+        super().__init__(0)
+        self.stamps.append(0)
+        self.only_parent, self.all_parents = parent, {parent: None}
+        self.value, self.authority = pose, authority
 
-    def __len__(self) -> int:
-        return 1
+    def find(self, time: int) -> int:
+        return 0
 
-    def copy(self, since: int) -> 'StaticHistory':
-        return StaticHistory(self.only_parent, self.pose, self.authority)
-
-    def state(self, name: str, until: int) -> Frame:
-        return Frame(name, self.only_parent, self.authority, True, 1, 0, 0, 0, self.authority)
+    def pose(self, index: int) -> Pose:
+        return self.value
 
     def pose_at(self, time: int) -> Pose:
-        return self.pose
+        return self.value
 
     def poses_at(self, neighbours: Neighbours) -> Columns:
-        x, y, z, qx, qy, qz, qw = np.array([self.pose]).T
+        x, y, z, qx, qy, qz, qw = np.array([self.value]).T
         return x, y, z, qx, qy, qz, qw
 
-    def parent_at(self, time: int) -> str:
-        return self.only_parent
 
-    parent_near = parent_at
-
-    def dump(self) -> dict[str, Any]:
-        return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
-                'authority': self.authority, 'is_static': True, 'arrived': 0}
-
-
-AnyHistory = Union[History, StaticHistory]
-
-
-def load(dump: Mapping[str, Any], cache_time: int) -> Optional[AnyHistory]:
+def load(dump: Mapping[str, Any], cache_time: int) -> Optional[History]:
     """Return the history whose data `dump` has returned; None: the frame is only a parent."""
     stamps, parents, authority = array('q', dump['stamps']), [*dump['parents']], dump['authority']
     poses = np.array(dump['poses'], np.float64).reshape(-1, 7)

@@ -70,13 +70,13 @@ class Insertion:
             histories.setdefault(child, None)
             histories.setdefault(parent, None)
             if is_static:
-                self._room += len(history) if isinstance(history, History) else 0
+                self._room += 0 if history is None or history.is_static else len(history)
                 histories[child] = StaticHistory(parent, pose, authority)
                 return True
         elif isinstance(history, StaticHistory):
-            history.pose, history.authority = pose, authority
+            history.value, history.authority = pose, authority
             return True
-        if not isinstance(history, History):
+        if history is None or history.is_static:
             histories[child] = history = History(self._tree.cache_time)
         stamps, length = history.stamps, len(history)
         before = stamps[-1] if stamps else 0
@@ -137,7 +137,7 @@ class Insertion:
             size = count * POSE_BYTES
             for i, (parent, child) in enumerate(zip(batch.parents, batch.children)):
                 history = self._tree.histories.get(child)
-                if (is_finite and isinstance(history, History)
+                if (is_finite and history is not None and not history.is_static
                         and history.only_parent == parent
                         and (length := len(history.stamps) - history.start)
                         and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
@@ -160,7 +160,7 @@ class Insertion:
         self._lookups.paths.clear()
         self._room = self._max_samples - sum(
             len(history) for history in self._tree.histories.values()
-            if isinstance(history, History))
+            if history is not None and not history.is_static)
 
     def _drop_oldest(self, history: History, child: str, authority: str) -> None:
         """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from puretf._core import failures, search
 from puretf._core.composition import compose, inverse
-from puretf._core.history import AnyHistory, NoPose
+from puretf._core.history import History, NoPose
 from puretf._core.path import Path
 from puretf._core.pose import IDENTITY, Pose
 from puretf._core.tree import END, FrameTree
@@ -22,7 +22,7 @@ _FEW = 16
 
 #: An edge, as seen from one of its two frames. The items are: the name of the other frame; True if
 #: the other frame is the child; the history of the child.
-_Edge = tuple[str, bool, AnyHistory]
+_Edge = tuple[str, bool, History]
 #: A time (ns), and the pose at this time. If the time is 0, the pose holds at all times. If there
 #: is no pose at this time, the second item is None.
 _TimedPose = tuple[int, Optional[Pose]]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core.composition import compose, inverse
-from puretf._core.history import AnyHistory, Neighbours
+from puretf._core.history import History, Neighbours
 from puretf._core.pose import Columns, IDENTITY, Pose
 
 
@@ -19,7 +19,7 @@ class Path:
     then down to the target frame. An edge is represented by the history of its child frame.
     """
 
-    def __init__(self, from_source: Sequence[AnyHistory], from_target: Sequence[AnyHistory]
+    def __init__(self, from_source: Sequence[History], from_target: Sequence[History]
                  ) -> None:
         self.from_source, self.from_target = from_source, from_target
         self.edges = [*from_source, *from_target]
@@ -66,7 +66,7 @@ class Path:
         return np.array([np.broadcast_to(column, len(times)) for column in columns]), known
 
 
-def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
+def _pose_along(edges: Sequence[History], time: int) -> Pose:
     """Compute the pose of the lowest frame in the highest; the edges go upwards."""
     pose: Optional[Pose] = None
     for edge in edges:
@@ -75,7 +75,7 @@ def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
     return pose or IDENTITY
 
 
-def _columns_along(edges: Sequence[AnyHistory], neighbours: Neighbours) -> Columns:
+def _columns_along(edges: Sequence[History], neighbours: Neighbours) -> Columns:
     """Compute the poses at many times, each as `_pose_along` does."""
     columns: Columns = IDENTITY
     for i, edge in enumerate(edges):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core import failures
-from puretf._core.history import AnyHistory, History
+from puretf._core.history import History
 from puretf._core.path import Path
 from puretf._core.tree import END, FrameTree
 
@@ -31,7 +31,7 @@ def chain(tree: FrameTree, target: str, source: str, time: int) -> list[str]:
     return [*from_source, *(top or [source]), *reversed(from_target)]
 
 
-def _edges(tree: FrameTree, frames: Iterable[str]) -> list[AnyHistory]:
+def _edges(tree: FrameTree, frames: Iterable[str]) -> list[History]:
     return [history for frame in frames if (history := tree.histories[frame]) is not None]
 
 
@@ -132,7 +132,7 @@ def _periods(tree: FrameTree, target: str, source: str
     In a period, no frame above the two frames changes its parent.
     """
     changes = {change for name in tree.all_ancestors(target) | tree.all_ancestors(source)
-               if isinstance(history := tree.histories[name], History)
+               if (history := tree.histories[name]) is not None and not history.is_static
                for change in history.parent_changes()}
     is_connected = False
     for begin, end in pairwise((-END, *sorted(changes), END)):
@@ -142,7 +142,7 @@ def _periods(tree: FrameTree, target: str, source: str
             yield begin, end, [
                 (frame, history) for chain in (from_source, from_target)
                 for frame in takewhile(meeting.__ne__, chain)
-                if isinstance(history := tree.histories[frame], History)]
+                if (history := tree.histories[frame]) is not None and not history.is_static]
     if not is_connected:
         raise failures.unconnected(tree, target, source)
 

@@ -6,7 +6,7 @@ from typing import Any, Optional
 from puretf._causes.facts import Frames, Look, Parent, Surroundings
 from puretf._core import texts
 from puretf._core.frames import Frame
-from puretf._core.history import AnyHistory, History
+from puretf._core.history import History
 from puretf.exceptions import described
 
 #: A time after all stamps (ns), which are int64.
@@ -28,7 +28,7 @@ class FrameTree:
 
     def __init__(self, cache_time: int) -> None:
         self.cache_time = cache_time
-        self.histories: dict[str, Optional[AnyHistory]] = {}
+        self.histories: dict[str, Optional[History]] = {}
         self.missing_part = ''  #: which part of a bag is missing, and what to do
         self.takes_ns = False  #: True if the buffer's times are integers (ns)
         self.needs_listener = False  #: True if a listener is expected to fill the buffer
@@ -43,7 +43,7 @@ class FrameTree:
     def clear(self) -> None:
         """Drop the samples of dynamic frames; static poses and the names of all frames stay."""
         for name, history in self.histories.items():
-            if isinstance(history, History):
+            if history is not None and not history.is_static:
                 self.histories[name] = History(self.cache_time)
         self._earlier.clear()
         self._refusals.clear()
@@ -104,13 +104,13 @@ class FrameTree:
     def mend(self) -> None:
         """Drop the samples of each frame in which a change was interrupted."""
         for name, history in self.histories.items():
-            if isinstance(history, History) and not history.is_consistent():
+            if history is not None and not (history.is_static or history.is_consistent()):
                 self.histories[name] = History(self.cache_time)
 
     def copy_samples(self) -> None:
         """Copy arrays that could not grow after a fork, if numpy arrays still use their memory."""
         for history in self.histories.values():
-            if isinstance(history, History):
+            if history is not None and not history.is_static:
                 history.stamps, history.poses = history.stamps[:], history.poses[:]
 
     def problem(self, name: str) -> Optional[str]:
@@ -123,14 +123,15 @@ class FrameTree:
             return texts.LEADING_SLASH
         return None if name in self.histories else texts.UNKNOWN_FRAME
 
-    def frames(self, until: int = 0) -> list[tuple[Frame, AnyHistory]]:
+    def frames(self, until: int = 0) -> list[tuple[Frame, History]]:
         """Return state and history of each frame with samples up to a time (ns; 0: any)."""
         return [(frame, history) for name, history in self.histories.items()
                 if history is not None and (frame := history.state(name, until)) is not None]
 
     def has_dynamic(self) -> bool:
         """Return whether there are, or were, dynamic frames; needs no lock."""
-        return any(isinstance(history, History) for history in tuple(self.histories.values()))
+        return any(history is not None and not history.is_static
+                   for history in tuple(self.histories.values()))
 
     def dump(self) -> dict[str, dict[str, Any]]:
         return {name: {**History(0).dump(), 'arrived': None} if history is None else history.dump()
