@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise, takewhile
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,39 +43,37 @@ def _walk(tree: FrameTree, target: str, source: str, time: int) -> tuple[list[st
     for the time, and then the ancestors of the target. If there are several errors, this order
     decides which error is raised.
     """
-    from_source: list[str] = []
-    stopped_at: Optional[str] = None
-    frame = source
-    while (history := tree.histories[frame]) is not None:
-        parent = history.parent_at(time)
-        if parent is None:
-            stopped_at = frame
-            break
-        if frame == target:
-            return from_source, []
-        _append(tree, from_source, frame)
-        frame = parent
-    top = frame
-    from_target: list[str] = []
-    frame = target
-    while frame != top and (history := tree.histories[frame]) is not None:
-        parent = history.parent_at(time)
-        if parent is None:
-            if not time:  # the frame was cleared
-                break
-            raise failures.extrapolation(tree, frame, time, target, source)
-        if frame == source:
-            return [], from_target
-        _append(tree, from_target, frame)
-        frame = parent
-    if frame != top:
-        if time and stopped_at is not None:
-            raise failures.extrapolation(tree, stopped_at, time, target, source)
+    from_source, top, is_source_short = _climb(tree, source, (target,), time)
+    from_target, end, is_target_short = _climb(tree, target, (top, source), time)
+    if end == source:
+        return [], from_target
+    if end != top:
+        if time and (is_target_short or is_source_short):
+            raise failures.extrapolation(
+                tree, end if is_target_short else top, time, target, source)
         raise failures.unconnected(tree, target, source, time or END)
     while from_source and from_target and from_source[-1] == from_target[-1]:
         from_source.pop()
         from_target.pop()
     return from_source, from_target
+
+
+def _climb(tree: FrameTree, frame: str, goals: tuple[str, ...], time: int
+           ) -> tuple[list[str], str, bool]:
+    """
+    Follow the parents of a frame to a goal, to the root, or as far as there are data for a time.
+
+    Return the frames below the last one, the last one, and whether it is one without data.
+    """
+    chain: list[str] = []
+    while frame not in goals and (history := tree.histories[frame]) is not None:
+        if (parent := history.parent_at(time)) is None:
+            return chain, frame, True
+        chain.append(frame)
+        if len(chain) > MAX_GRAPH_DEPTH:
+            raise failures.too_long(tree, chain)
+        frame = parent
+    return chain, frame, False
 
 
 def latest_common_time(tree: FrameTree, target: str, source: str) -> int:
@@ -164,10 +162,3 @@ def may_be_connected(tree: FrameTree, frame: str, other: str) -> bool:
     """
     return not (tree.problem(frame) or tree.problem(other)
                 or tree.all_ancestors(frame).isdisjoint(tree.all_ancestors(other)))
-
-
-def _append(tree: FrameTree, chain: list[str], frame: str) -> None:
-    """Append a frame to a chain; raise a LookupException if the chain becomes too long."""
-    chain.append(frame)
-    if len(chain) > MAX_GRAPH_DEPTH:
-        raise failures.too_long(tree, chain)
