@@ -167,7 +167,7 @@ class TransformListener:
         """Return what the texts of errors use: the clock and the publishers."""
         tree = None if self._engine is None else self._engine.tree
         has_data = tree is not None and bool(tree.histories)
-        has_dynamic = tree is not None and tree.has_dynamic()
+        has_dynamic = tree is not None and bool(tree.dynamic())
         around = surroundings(
             self.node, self.subscriptions, has_data, has_dynamic, self._ear.listen)
         return around._replace(is_new=monotonic() < self._start + _DISCOVERY)

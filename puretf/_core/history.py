@@ -427,26 +427,18 @@ class StaticHistory(History):
 
 def load(dump: Mapping[str, Any], cache_time: int) -> Optional[History]:
     """Return the history whose data `dump` has returned; None: the frame is only a parent."""
-    stamps, parents, authority = array('q', dump['stamps']), [*dump['parents']], dump['authority']
-    poses = np.array(dump['poses'], np.float64).reshape(-1, 7)
-    if not len(stamps) == len(parents) == len(poses):
-        raise ValueError('stamps, parents and poses must have the same length')
-    norms = np.linalg.norm(poses[:, 3:], axis=1)
-    if (np.diff(stamps) < 0).any() or not (abs(norms - 1.0) < 1e-6).all():
-        raise ValueError('the stamps must be in order, and the rotations normalised')
+    stamps, parents, authority = dump['stamps'], [*dump['parents']], dump['authority']
+    poses: Any = np.array(dump['poses'], np.float64).reshape(-1, 7)
+    if not (abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) < 1e-6).all():
+        raise ValueError('the rotations must be normalised')
     if not all(isinstance(name, str) for name in (*parents, authority)):
         raise TypeError('parents and authority must be names')
-    arrived = dump['arrived']
+    history, arrived = History(cache_time), dump['arrived']
+    for stamp, parent, pose in zip(stamps, parents, map(tuple, poses.tolist()), strict=True):
+        history.insert(stamp, parent, pose, authority)
     if not parents:
-        return None if arrived is None else History(cache_time)
+        return None if arrived is None else history
     if dump['is_static']:
-        x, y, z, qx, qy, qz, qw = poses[0].tolist()
-        return StaticHistory(parents[0], (x, y, z, qx, qy, qz, qw), authority)
-    history = History(cache_time)
-    history.stamps, history.poses = stamps, bytearray(poses.tobytes())
-    history.authority = authority
-    history.parents, history.all_parents = parents, dict.fromkeys(parents)
-    if len(history.all_parents) == 1:
-        history.parents, history.only_parent = None, parents[0]
+        return StaticHistory(parents[0], history.pose(0), authority)
     history.arrived, history.arrival = index(arrived), monotonic_ns()
     return history

@@ -159,8 +159,7 @@ class Insertion:
         method(*arguments)
         self._lookups.paths.clear()
         self._room = self._max_samples - sum(
-            len(history) for history in self._tree.histories.values()
-            if history is not None and not history.is_static)
+            len(history) for _, history in self._tree.dynamic())
 
     def _drop_oldest(self, history: History, child: str, authority: str) -> None:
         """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""

@@ -29,13 +29,11 @@ class Path:
         return min([latest for edge in self.edges if (latest := edge.latest)], default=0)
 
     def span(self) -> tuple[int, int]:
-        """Return the first and last time (ns) with data of all edges; parents must be constant."""
+        """Return the first and last time (ns) with data of all edges of a kept path."""
         begin, end = -2**63, 2**63
         for edge in self.edges:
             if not edge.is_static:
                 begin, end = max(begin, edge.oldest), min(end, edge.latest)
-                if not len(edge):
-                    return 1, 0
         return begin, end
 
     def pose(self, time: int) -> Pose:

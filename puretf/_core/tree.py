@@ -42,9 +42,8 @@ class FrameTree:
 
     def clear(self) -> None:
         """Drop the samples of dynamic frames; static poses and the names of all frames stay."""
-        for name, history in self.histories.items():
-            if history is not None and not history.is_static:
-                self.histories[name] = History(self.cache_time)
+        for name, _ in self.dynamic():
+            self.histories[name] = History(self.cache_time)
         self._earlier.clear()
         self._refusals.clear()
 
@@ -103,15 +102,14 @@ class FrameTree:
 
     def mend(self) -> None:
         """Drop the samples of each frame in which a change was interrupted."""
-        for name, history in self.histories.items():
-            if history is not None and not (history.is_static or history.is_consistent()):
+        for name, history in self.dynamic():
+            if not history.is_consistent():
                 self.histories[name] = History(self.cache_time)
 
     def copy_samples(self) -> None:
         """Copy arrays that could not grow after a fork, if numpy arrays still use their memory."""
-        for history in self.histories.values():
-            if history is not None and not history.is_static:
-                history.stamps, history.poses = history.stamps[:], history.poses[:]
+        for _, history in self.dynamic():
+            history.stamps, history.poses = history.stamps[:], history.poses[:]
 
     def problem(self, name: str) -> Optional[str]:
         """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
@@ -128,10 +126,10 @@ class FrameTree:
         return [(frame, history) for name, history in self.histories.items()
                 if history is not None and (frame := history.state(name, until)) is not None]
 
-    def has_dynamic(self) -> bool:
-        """Return whether there are, or were, dynamic frames; needs no lock."""
-        return any(history is not None and not history.is_static
-                   for history in tuple(self.histories.values()))
+    def dynamic(self) -> list[tuple[str, History]]:
+        """Return the dynamic frames, also those whose samples were dropped; needs no lock."""
+        return [(name, history) for name, history in [*self.histories.items()]
+                if history is not None and not history.is_static]
 
     def dump(self) -> dict[str, dict[str, Any]]:
         return {name: {**History(0).dump(), 'arrived': None} if history is None else history.dump()

@@ -695,12 +695,11 @@ def test_everything_that_is_known_as_json():
 
 
 @pytest.mark.parametrize(('changes', 'error'), [
-    ({'stamps': [T, T]}, 'length'), ({'poses': [[1.0]]}, 'reshape'), ({'parents': [5]}, 'names'),
+    ({'stamps': [T, T]}, 'shorter'), ({'poses': [[1.0]]}, 'reshape'), ({'parents': [5]}, 'names'),
     ({'poses': [[0.0] * 7]}, 'normalised'), ({'stamps': [0.5]}, 'float'),
     ({'authority': 5}, 'names'), ({'parents': ['odom']}, 'name'), ({'parents': ['base']}, 'name'),
     ({'parents': [''], 'stamps': [T]}, 'name'), ({'arrived': 'x'}, 'integer'),
-    ({'arrived': None}, 'integer'),
-    ({'stamps': [T + 1, T], 'parents': ['map'] * 2, 'poses': [[0.0] * 6 + [1.0]] * 2}, 'order')])
+    ({'arrived': None}, 'integer')])
 def test_a_buffer_is_loaded_from_other_data(changes, error):
     """The error names the frame."""
     buffer = TransformBuffer()
