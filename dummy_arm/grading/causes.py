@@ -314,7 +314,7 @@ def of_wave(joint: SheetFrame, times: Floats, angles: Floats, sine: Sine) -> str
 def of_short_time(joint: SheetFrame, sine: Sine) -> str:
     """Return why less than a period was observed, and how long to observe the arm."""
     seconds = max(25, 5 * int(np.ceil(2 * pi / sine.speed / 5)))
-    remedy = f'observe the arm for {seconds} s (--time {seconds})'
+    remedy = f'observe or record the arm for {seconds} s (--time {seconds})'
     if sine.speed * SPEED_FACTOR < joint.speed and sine.is_exact and sine.span >= LONG_ENOUGH:
         return f'{of_speed(joint, sine.speed, sine.has_fixed_step)} Or {remedy}.'
     return f'{sine.span:.1f} s are less than a period: {remedy}.'

@@ -115,7 +115,7 @@ def test_the_limit_of_the_residual(residual, verdict):
 
 @pytest.mark.parametrize(('seconds', 'hertz', 'reason'), [
     (2.5, 20, 'joint_1 moves as a sine (0.'),
-    (15.0, 20, ' s are less than a period: observe the arm for 25 s (--time 25).'),
+    (15.0, 20, ' s are less than a period: observe or record the arm for 25 s (--time 25).'),
     (17.0, 20, ''), (900.0, 5, '')])
 def test_how_long_an_arm_is_observed(seconds, hertz, reason):
     """Nothing fails because it is short; 17 s are enough, as a busy machine takes 8 of 25 s."""
@@ -285,7 +285,7 @@ def test_largest_speeds_of_the_sheet():
 
 
 @pytest.mark.parametrize(('step', 'seconds', 'requirement', 'text'), [
-    (0.01, 25.0, 'joint_1 moves as a sine', '. Or observe the arm for 45 s (--time 45).'),
+    (0.01, 25.0, 'joint_1 moves as a sine', '. Or observe or record the arm for 45 s (--time 45).'),
     (0.01, 45.0, 'speeds of about', '.'), (0.02, 25.0, 'the motion follows', '')])
 def test_a_fixed_step(step, seconds, requirement, text):
     """It is named where it shows, though the timer is exact to 0.1 ms."""
