@@ -96,7 +96,7 @@ class McapFile:
             yield number / len(chunks)
             del waiting[:ready]
             try:
-                waiting += [*filter(None, map(self._found, self._wanted(file, chunk)))]
+                waiting += filter(None, map(self._found, [*self._wanted(file, chunk)]))
             except Exception as error:  # a damaged chunk is left out as a whole
                 self._contents.add_damage(
                     error, span=(chunk.message_start_time, chunk.message_end_time))

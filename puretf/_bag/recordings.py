@@ -137,8 +137,9 @@ def resolved(recording: Recording) -> Recording:
 
 def error_line(error: Exception) -> str:
     """Return the text of an error, or its type, in one line that ends with one period."""
-    # rosbags appends the arguments of another error, as a tuple.
-    text = visible(' '.join(str(error).split()).partition(": ('")[0]) or (
+    # rosbags appends the arguments of another error, as a tuple. A LookupError has only a key.
+    text = '' if isinstance(error, LookupError) else ' '.join(str(error).split())
+    text = visible(text.partition(": ('")[0]) or (
         f'it is not as the library that reads it expects ({type(error).__name__})')
     return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
 

@@ -252,7 +252,7 @@ def mcap_chunk(data, method='', size=None, crc=0):
                        + _text(method) + struct.pack('<Q', len(content)) + content)
 
 
-def checked_mcap(path, index='ALL', compression='NONE', seconds=1, **options):
+def checked_mcap(path, index='ALL', compression='NONE', seconds=1, chunk_size=600, **options):
     """
     Write a walk with texts between the transforms, and with metadata, by mcap's own writer.
 
@@ -263,7 +263,7 @@ def checked_mcap(path, index='ALL', compression='NONE', seconds=1, **options):
     """
     from mcap.writer import CompressionType, IndexType, Writer
     with path.open('wb') as file:
-        writer = Writer(file, 600, compression=CompressionType[compression],
+        writer = Writer(file, chunk_size, compression=CompressionType[compression],
                         index_types=IndexType[index], **options)
         writer.start('ros2')
         writer.add_metadata('rosbag2', {'distribution': 'jazzy'})

@@ -547,10 +547,12 @@ def test_damaged_chunks(tmp_path, logs, damage):
     assert re.search(why, messages(logs))
 
 
-def test_a_damaged_chunk_without_checksums(tmp_path):
+@pytest.mark.parametrize(('seconds', 'chunk_size'), [(1, 600), (4, 1500)])
+def test_a_damaged_chunk_without_checksums(tmp_path, seconds, chunk_size):
     """It is left out as a whole, and its time is named, so that nobody is blamed."""
     from mcap.reader import SeekingReader
-    path = bags.checked_mcap(tmp_path / 'x.mcap', enable_crcs=False)
+    path = bags.checked_mcap(tmp_path / 'x.mcap', seconds=seconds, chunk_size=chunk_size,
+                             enable_crcs=False)
     whole, data, damaged = bags.content(path)[0], path.read_bytes(), 0
     with path.open('rb') as file:
         chunks = SeekingReader(file).get_summary().chunk_indexes[1:]
@@ -559,12 +561,25 @@ def test_a_damaged_chunk_without_checksums(tmp_path):
         path.write_bytes(data[:at] + bytes(40) + data[at + 40:])
         with bag.open(path, partial=True) as opened:
             found = [(each.topic.name, each.time) for each in opened.messages()]
+            assert len(found) == sum(each.count for each in opened.topics if each.is_tf)
         if lost := [time for name, time, _ in whole if (name, time) not in found]:
             damaged += 1
             first, last = chunk.message_start_time, chunk.message_end_time
             assert opened.missing_spans == [(first, last)]
             assert first <= min(lost) <= max(lost) <= last
     assert damaged >= 10
+
+
+def test_a_damaged_summary_without_checksums(tmp_path):
+    """The error has words, also where the library raises a KeyError."""
+    path = bags.checked_mcap(tmp_path / 'x.mcap', enable_crcs=False)
+    data, found = path.read_bytes(), set()
+    for at in range(len(data) - 1500, len(data), 20):
+        path.write_bytes(data[:at] + bytes(40) + data[at + 40:])
+        if isinstance(text := outcome(path), str):
+            found.add(text.split('cannot be read: ')[1])
+    assert [text for text in found if 'expects (KeyError). ' in text]
+    assert not [text for text in found if text[0].isdigit()]
 
 
 def test_a_damaged_chunk_behind_a_missing_part(tmp_path):

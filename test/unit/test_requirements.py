@@ -285,7 +285,8 @@ def test_largest_speeds_of_the_sheet():
 
 
 @pytest.mark.parametrize(('step', 'seconds', 'requirement', 'text'), [
-    (0.01, 25.0, 'joint_1 moves as a sine', '. Or observe or record the arm for 45 s (--time 45).'),
+    (0.01, 25.0, 'joint_1 moves as a sine',
+     '. Or observe or record the arm for 45 s (--time 45).'),
     (0.01, 45.0, 'speeds of about', '.'), (0.02, 25.0, 'the motion follows', '')])
 def test_a_fixed_step(step, seconds, requirement, text):
     """It is named where it shows, though the timer is exact to 0.1 ms."""
