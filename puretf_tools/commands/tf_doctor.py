@@ -50,6 +50,9 @@ def command(frame_a: Optional[str], frame_b: Optional[str], t: When, seconds: fl
         note = f'; {quoted(frame_a)} is no bag' if bag and not is_bag(frame_a) else ''
         raise UsageError('give two frames to explain the path between them, or none to check '
                          f'everything{note}')
+    if frame_a and frame_b and bag and len(recordings(bag.paths)) > 1:
+        raise UsageError(f'{quoted(frame_a)} and {quoted(frame_b)} are no bags, and frames need '
+                         'one recording')
     if t != LATEST and not frame_b:
         raise UsageError('-t needs two frames')
     try:

@@ -221,8 +221,10 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     for fault in _found_by('changing_parent', observation):
         tracks = [track for child in fault.frames or () for track in observation.by_child[child]]
         fault = fault._replace(tracks=tracks, scope=None)
-        yield (fault._replace(severity=INFO, remedy=None)
-               if _is_handed_over(observation, tracks) else fault)
+        yield fault._replace(
+            # Only of several publishers, one is silent while it does not have the frame.
+            severity=INFO, remedy=None, scope=None if len(tracks) > 1 else ()
+        ) if _is_handed_over(observation, tracks) else fault
 
 
 def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
@@ -819,11 +821,12 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
                 track['jump'] >= SMALLEST_JUMP
                 and track['largest_speed'] > JUMP * track['usual_speed']
                 and track['jump_at'] not in track.stream.stamps[track.stream.gaps + 1]):
+            is_corrected = _is_localisation(track) and track['jumps'] <= SHARE * track['count']
             yield _Fault(
                 f'{track["jumps"]} of {track["count"]} transforms of {shortened(track.child)} '
                 f'jump, as by {track["jump"]:.3g} (m plus rad) at {exact_time(track["jump_at"])}; '
                 f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
-                severity=INFO if _is_localisation(track) else '', time=track['jump_at'])
+                severity=INFO if is_corrected else '', time=track['jump_at'])
 
 
 def _is_localisation(track: Track) -> bool:

@@ -86,7 +86,8 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
     topics = [] if 'headers' in observed.not_known else [
         topic.row() for topic in observed.message_times
         if topic.judged or topic.count(Verdict.ZERO_STAMP)]
-    verdict = (f'{found or "healthy"}: {_count(observed.statistics.count, "transform")} of '
+    nothing = 'nothing found' if 'messages' in observed.not_known else 'healthy'
+    verdict = (f'{found or nothing}: {_count(observed.statistics.count, "transform")} of '
                f'{_count(len(observed.tree_of), "frame")} {observed.where}')
     if {each.is_static for each in observed.tracks} == {True}:
         verdict += ', no dynamic transforms'

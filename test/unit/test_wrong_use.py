@@ -41,6 +41,7 @@ WRONG: dict[str, dict[str, Sequence[str]]] = {
     'tf_doctor': {
         'or none to check everything': ['map', 'x.mcap --bag y.mcap'],
         "or none to check everything; 'no_bag' is no bag": ['--bag x no_bag'],
+        "'c' and 'd' are no bags, and frames need one recording": ['--bag a.mcap b.mcap c d'],
         'a frame must have a name': ['map /'],
         '-t needs two frames': ['-t 5'],
         "unknown code 'gaps'. Nearest known: 'gap'": ['--ignore gaps'],
