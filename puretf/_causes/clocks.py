@@ -9,11 +9,12 @@ SINCE_START = 100_000_000 * SECOND
 _OFFSETS = {'TAI - UTC': (37.0, 0.1),
             'GPS - UTC': (18.0, 0.1),
             'the GPS epoch': (315_964_800.0, 60.0)}
+# Time zones differ by hours, and some by 30 or 45 minutes more.
+_OFFSETS |= {f'{minutes // 60}:{minutes % 60:02} h: a time zone': (60.0 * minutes, 0.1)
+             for minutes in range(60, 14 * 60 + 1, 15) if minutes % 60 != 15}
 #: By unit of time: its length (ns).
-_UNITS = {'seconds': SECOND, 'milliseconds': 1_000_000, 'microseconds': 1000}
+UNITS = {'seconds': SECOND, 'milliseconds': 1_000_000, 'microseconds': 1000}
 DAY = 86_400 * SECOND
-#: Time zones: the least and the greatest difference (min), and the minutes of an hour that occur.
-_ZONES, _MINUTES = (60, 14 * 60), (0, 30, 45)
 #: What is stamped arrives up to this time (s) later.
 _LATENCY = 0.6
 
@@ -31,13 +32,17 @@ def is_off(offset: int, stamp: int, now: int) -> bool:
 
 def apart(offset: int, stamp: int) -> str:
     """Return how far a stamp is from a clock, and what such an offset is."""
-    is_near_0 = offset < 0 < stamp < SINCE_START
-    unit = next((unit for unit, ns in _UNITS.items() if is_near_0 and abs(
-        stamp * ns - (stamp - offset)) < DAY), '')
-    name = known_offset(offset) or (f'{unit} as nanoseconds' if unit else
-                                    'near 0, as since power-on' if is_near_0 else '')
+    name = known_offset(offset)
+    if not name and offset < 0 < stamp < SINCE_START:
+        unit = unit_of(stamp, stamp - offset)
+        name = f'{unit} as nanoseconds' if unit else 'near 0, as since power-on'
     return (f'{abs(offset) / SECOND:.1f} s{f" ({name})" if name else ""} '
             f'{"ahead of" if offset > 0 else "behind"}')
+
+
+def unit_of(stamp: int, time: int) -> str:
+    """Return the unit in which a stamp is within a day of a time (ns); '' if there is none."""
+    return next((unit for unit, size in UNITS.items() if abs(stamp * size - time) < DAY), '')
 
 
 def known_offset(offset: int) -> str:
@@ -45,15 +50,10 @@ def known_offset(offset: int) -> str:
     Return what an offset (ns) of a stamp from a clock is known for; '' if it is nothing special.
 
     >>> known_offset(-37 * SECOND), known_offset(8 * 3600 * SECOND), known_offset(SECOND)
-    ('TAI - UTC', '8 hours: a time zone', '')
+    ('TAI - UTC', '8:00 h: a time zone', '')
     >>> known_offset(-19800 * SECOND), known_offset(900 * SECOND)
-    ('5 h 30 min: a time zone', '')
+    ('5:30 h: a time zone', '')
     """
     seconds, sign = abs(offset) / SECOND, -1 if offset < 0 else 1
-    offsets, zone = _OFFSETS, 15 * round(seconds / 900)  # in minutes
-    hours, minutes = divmod(zone, 60)
-    if _ZONES[0] <= zone <= _ZONES[1] and minutes in _MINUTES:
-        name = f'{hours} h {minutes} min' if minutes else f'{hours} hour{"s" * (hours > 1)}'
-        offsets = {**_OFFSETS, f'{name}: a time zone': (60 * zone, 0.1)}
-    return next((name for name, (known, tolerance) in offsets.items()
+    return next((name for name, (known, tolerance) in _OFFSETS.items()
                  if -tolerance <= (known - seconds) * sign <= tolerance + _LATENCY), '')

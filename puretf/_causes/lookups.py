@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from math import ceil
 
-from puretf._causes.clocks import apart, DAY, is_off, SINCE_START
+from puretf._causes.clocks import apart, DAY, is_off, SINCE_START, unit_of, UNITS
 from puretf._causes.facts import Facts, listed, OTHER_CLOCK, RECENT, UNKNOWN
 from puretf._causes.rules import Evidence, registry, Rule
 from puretf._text.names import namespace_distance, quoted, shortened, TF_MESSAGE
@@ -23,8 +23,6 @@ _NOTHING = 'missing', 'silence'
 _TIMES = 'past', 'future'
 _SEND_AGAIN = ('Send it again and again with new stamps or, if it does not move, as a static one '
                '(StaticTransformBroadcaster, or is_static=True).')
-#: By unit of time: its length (ns).
-_UNITS = {'s': SECOND, 'ms': 1_000_000, 'µs': 1000}
 SIM_TIME = 'Set use_sim_time in all nodes, or in none.'
 PLAYER = 'rosbag2_player'  #: in the names of nodes that play a bag
 PLAY = 'Play the bag with --clock, and set use_sim_time.'
@@ -80,15 +78,15 @@ def _takes_dates(facts: Facts, time: int) -> bool:
 
 @_own_rule('time_in_seconds', 'Pass times in ns.', 'past', ['past'])
 def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
-    for unit, size in _UNITS.items():
+    for unit, size in UNITS.items():
         if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * size <= facts.edge.latest:
-            yield Evidence(f'{facts.time} {unit} is within the data, {facts.time} ns is not')
+            yield Evidence(f'{facts.time} {unit} are within the data, {facts.time} ns are not')
 
 
 @_own_rule('stamps_in_seconds', 'Insert stamps in ns.', 'future', ['future'])
 def _stamps_in_seconds(facts: Facts) -> Iterator[Evidence]:
     oldest, latest = facts.edge.oldest, facts.edge.latest
-    for unit, size in _UNITS.items() if _takes_dates(facts, facts.time) else ():
+    for unit, size in UNITS.items() if _takes_dates(facts, facts.time) else ():
         # Stamps in ns that are read in another unit are years apart.
         if oldest * size <= facts.time < (latest + 1) * size and (latest - oldest) * size <= DAY:
             yield Evidence(f'That time is within the data if their stamps are in {unit}')
@@ -228,8 +226,8 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
     is_cause = (edge.is_refusing and facts.time <= edge.latest + OTHER_CLOCK
                 if facts.symptom == 'future' else facts.time <= edge.refused_stamp + RECENT)
     if edge.refused and is_cause:
-        unit = next((unit for unit, size in _UNITS.items() if _takes_dates(facts, edge.latest)
-                     and abs(edge.refused_stamp * size - edge.latest) < DAY), '')
+        unit = (unit_of(edge.refused_stamp, edge.latest)
+                if _takes_dates(facts, edge.latest) else '')
         old, new = map(around.node_of, (edge.refused_authority, edge.authority))
         yield Evidence(
             f'{_refused(edge.refused, edge.child, [old])}, since one at {exact_time(edge.latest)}'

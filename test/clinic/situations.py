@@ -173,8 +173,8 @@ FAULTY = [
                 report=['error message_other_clock: laser', word])
       for row, offset, word in (
           ('2.19 ', -37.0, 'TAI'), ('2.21 ', 37.0, 'TAI'), ('', 18.0, 'GPS'), ('', -18.1, 'GPS'),
-          ('2.22 ', -28800.0, '8 hours'), ('', 7200.0, '2 hours'),
-          ('', 19800.0, '5 h 30 min'),
+          ('2.22 ', -28800.0, '8:00 h'), ('', 7200.0, '2:00 h'),
+          ('', 19800.0, '5:30 h'),
           ('2.25 ', -315_964_782.0, 'GPS epoch'), ('2.24 ', 1868.0 - NOW / S, 'power-on'))
       for begin in (-3.0, LONG)),
     clock_off('', 4.0, 'message_other_clock', words=('4.0 s ahead of the clock of this node',)),

@@ -65,7 +65,7 @@ def test_an_error_survives_what_it_asks(buffer):
     assert str(error_of(buffer, T + 1)).endswith(FUTURE)
 
 
-UNITS = {'s': S, 'ms': 1_000_000, 'µs': 1000}
+UNITS = {'seconds': S, 'milliseconds': 1_000_000, 'microseconds': 1000}
 
 
 @pytest.mark.parametrize('unit', UNITS)
@@ -74,7 +74,7 @@ def test_a_time_in_seconds_is_told(buffer, seconds, is_told, unit):
     time = (T // S + seconds) * (S // UNITS[unit])
     error = error_of(buffer, time)
     assert error.causes == ('time_in_seconds',) * is_told
-    assert (f'{time} {unit} is within the data, {time} ns is not.' in str(error)) == is_told
+    assert (f'{time} {unit} are within the data, {time} ns are not.' in str(error)) == is_told
 
 
 @pytest.mark.parametrize(('stamps', 'code', 'remedy'), [
