@@ -11,7 +11,7 @@ from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.page_options import add_page_options
 from puretf_tools.cli.parser import add_namespace_option, Parser
 from puretf_tools.robot import parse, read
-from puretf_tools.robot.descriptions import TOPIC
+from puretf_tools.robot.observed import TOPIC
 
 
 def command(file: Optional[str], arguments: Mapping[str, str], host: str, port: Optional[int],

@@ -28,7 +28,7 @@ from puretf_tools.doctor.tf_statistics import distances, JUMP, SMALLEST_JUMP, Tr
 from puretf_tools.inspection.feeds import rivals, Sender
 from puretf_tools.inspection.forest import loops
 from puretf_tools.inspection.gaps import in_words
-from puretf_tools.inspection.robots import joint_states_of
+from puretf_tools.robot.observed import joint_states_of
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 #: Transforms that differ by less (m plus rad) are equal.

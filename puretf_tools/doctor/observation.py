@@ -21,9 +21,8 @@ from puretf_tools.doctor.stream import Edge, FEWEST, GAP, NEVER, SHORTEST_GAP, S
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.gaps import in_words
-from puretf_tools.inspection.robots import prefix, Robot
 from puretf_tools.inspection.traffic import recreated
-from puretf_tools.robot.observed import RobotsInBag
+from puretf_tools.robot.observed import prefix, Robot, RobotsInBag
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener

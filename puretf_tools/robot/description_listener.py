@@ -12,9 +12,8 @@ from puretf import SECOND
 from puretf.publisher_listener import node_of, nodes_on, TopicWatch
 from puretf_tools.inspection.feeds import Sender, Senders
 from puretf_tools.inspection.joint_states import JointStateReader
-from puretf_tools.inspection.robots import joint_states_of, Robot
-from puretf_tools.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
-from puretf_tools.robot.observed import JOINT_STATE, receive, robot_of
+from puretf_tools.robot import observed
+from puretf_tools.robot.observed import DescriptionOrWhy, JOINT_STATE, joint_states_of, Robot
 
 #: The largest number of topics with joint states, and of messages of each that are read at a time.
 _MOST_STATES, _DEPTH = 20, 50
@@ -25,7 +24,7 @@ class DescriptionListener(TopicWatch):
 
     def __init__(self, node: Node, namespace: str = '') -> None:
         """Read the topics below a namespace, such as '/left'."""
-        super().__init__(node, self._wanted, MOST_TOPICS, 1)
+        super().__init__(node, self._wanted, observed.MOST_TOPICS, 1)
         self._namespace = namespace
         self._texts: dict[str, str] = {}
         self._descriptions: dict[str, DescriptionOrWhy] = {}
@@ -39,7 +38,7 @@ class DescriptionListener(TopicWatch):
                 text = str(message[8:].partition(b'\0')[0], 'utf-8', 'replace')  # after the length
                 if text != self._texts.get(topic):
                     self._texts[topic] = text
-                    self._descriptions = {**self._descriptions, topic: parsed(text)}
+                    self._descriptions = {**self._descriptions, topic: observed.parsed(text)}
         return self._descriptions
 
     def _wanted(self) -> list[tuple[str, Any]]:
@@ -50,8 +49,8 @@ class DescriptionListener(TopicWatch):
                 self._descriptions = {name: each for name, each in self._descriptions.items()
                                       if name != topic}
         return [(topic, String) for topic, types in self._node.get_topic_names_and_types()
-                if topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{TOPIC}')
-                and types == [STRING] and self._node.count_publishers(topic)]
+                if topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{observed.TOPIC}')
+                and types == [observed.STRING] and self._node.count_publishers(topic)]
 
 
 class RobotListener(TopicWatch):
@@ -72,7 +71,7 @@ class RobotListener(TopicWatch):
             decoder = self._decoders.setdefault(topic, JointStateReader(self._node, topic))
             for data, is_new in self.take(topic):
                 if is_new and (message := decoder.read(data)):
-                    receive(self._states[topic], message)
+                    observed.receive(self._states[topic], message)
                     stamp = message.header.stamp
                     self._senders[topic].add(data.publisher, data.time, (
                         stamp.sec * SECOND + stamp.nanosec), message.name)
@@ -92,7 +91,7 @@ class RobotListener(TopicWatch):
         return [*map(node_of, self._node.get_subscriptions_info_by_topic(topic))]
 
     def robots(self) -> list[Robot]:
-        return [robot_of(topic, each, self._states)
+        return [observed.robot_of(topic, each, self._states)
                 for topic, each in self._descriptions.descriptions().items()]
 
     def senders(self) -> dict[str, Sequence[Sender]]:

@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 from puretf._causes.facts import listed, UNKNOWN
 from puretf._text.names import shortened
 from puretf_tools.cli.parser import UsageError
-from puretf_tools.inspection.robots import joint_states_of
 from puretf_tools.robot.description import Description
-from puretf_tools.robot.descriptions import DescriptionOrWhy, TOPIC
 from puretf_tools.robot.joint_positions import JointPositions
-from puretf_tools.robot.observed import JOINT_STATE
+from puretf_tools.robot.observed import DescriptionOrWhy, JOINT_STATE, joint_states_of, TOPIC
 
 if TYPE_CHECKING:
     from rclpy.node import Node

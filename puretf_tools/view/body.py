@@ -9,8 +9,8 @@ from typing import Any, Optional, Union
 import numpy as np
 import viser
 
-from puretf_tools.inspection.robots import prefix
 from puretf_tools.robot.description import Description
+from puretf_tools.robot.observed import prefix
 from puretf_tools.robot.shapes import Rgba, Shape
 from puretf_tools.view.axes_and_trail import Display, rounded
 from puretf_tools.view.feed import Descriptions

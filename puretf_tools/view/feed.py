@@ -12,8 +12,8 @@ from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
 from puretf_tools.inspection.gaps import AnyBuffer, Hole, interpolated
 from puretf_tools.inspection.traffic import Traffic
-from puretf_tools.robot.descriptions import DescriptionOrWhy
 from puretf_tools.robot.joint_senders import JointCommanders, JointControls
+from puretf_tools.robot.observed import DescriptionOrWhy
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -12,7 +12,7 @@ from world import Lookup, NOW, S, Sender, Sensor, STILL, World
 
 from puretf._causes.facts import Blocked
 from puretf._core.pose import Pose
-from puretf_tools.inspection.robots import Robot
+from puretf_tools.robot.observed import Robot
 
 
 class Situation(NamedTuple):

@@ -17,8 +17,8 @@ from puretf.bag import BagMessage, Headers
 from puretf_tools.doctor.observation import Observation
 from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection import feeds
-from puretf_tools.inspection.robots import Robot
 from puretf_tools.inspection.stamp_clock import StampClock
+from puretf_tools.robot.observed import Robot
 
 S = 10**9
 #: The present time, on the clock of this computer (ns).

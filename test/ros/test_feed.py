@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
 from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
-from puretf_tools.robot import descriptions
+from puretf_tools.robot import observed
 from puretf_tools.view.feed import LiveFeed
 
 
@@ -144,7 +144,7 @@ def test_descriptions(ros, offer):
 
 def test_given_descriptions_are_shown_alone(ros, offer):
     """Nothing subscribes to those in the network."""
-    given = {'/robot_description': descriptions.parsed(urdf('given'))}
+    given = {'/robot_description': observed.parsed(urdf('given'))}
     feed = LiveFeed(ros.node, descriptions=given)
     offer('/robot_description', urdf('other'))
     ros.until(lambda: ros.node.count_publishers('/robot_description'))

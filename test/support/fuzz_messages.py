@@ -30,7 +30,7 @@ from puretf._core.pose import Row
 from puretf._wire.encoding import CDR, MalformedMessage, ROS1
 from puretf.bag import BagError, read
 from puretf.bag import open as open_bag
-from puretf_tools.robot.descriptions import parsed
+from puretf_tools.robot.observed import parsed
 
 S = 10**9
 T = 1_700_000_000 * S

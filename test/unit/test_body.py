@@ -19,8 +19,7 @@ pytest.importorskip('viser')
 from viewer import CLICK, Page, recorded, Viewer
 
 from puretf_tools.commands.web_view import main
-from puretf_tools.inspection.robots import prefix
-from puretf_tools.robot.descriptions import parsed
+from puretf_tools.robot.observed import parsed, prefix
 from puretf_tools.robot.shapes import MOST_SHAPES
 from puretf_tools.view.export import Animation
 from puretf_tools.view.feed import BagFeed
