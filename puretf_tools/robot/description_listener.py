@@ -26,8 +26,8 @@ class DescriptionListener(TopicWatch):
         """Read the topics below a namespace, such as '/left'."""
         super().__init__(node, self._wanted, observed.MOST_TOPICS, 1)
         self._namespace = namespace
-        self._texts: dict[str, str] = {}
-        self._descriptions: dict[str, DescriptionOrWhy] = {}
+        #: By topic: the newest text, and what it says.
+        self._read_texts: dict[str, tuple[str, DescriptionOrWhy]] = {}
 
     def descriptions(self) -> dict[str, DescriptionOrWhy]:
         """Return the newest descriptions by topic; search for topics twice a second."""
@@ -36,18 +36,15 @@ class DescriptionListener(TopicWatch):
             # Listeners of descriptions match latched ones only.
             for message in readers[True].take() if True in readers else ():
                 text = str(message[8:].partition(b'\0')[0], 'utf-8', 'replace')  # after the length
-                if text != self._texts.get(topic):
-                    self._texts[topic] = text
-                    self._descriptions = {**self._descriptions, topic: observed.parsed(text)}
-        return self._descriptions
+                if topic not in self._read_texts or text != self._read_texts[topic][0]:
+                    self._read_texts[topic] = text, observed.parsed(text)
+        return {topic: each for topic, (_, each) in self._read_texts.items()}
 
     def _wanted(self) -> list[tuple[str, Any]]:
         for topic in [*self.readers]:
             if not self._node.count_publishers(topic):
                 self.leave(topic)
-                self._texts.pop(topic, None)
-                self._descriptions = {name: each for name, each in self._descriptions.items()
-                                      if name != topic}
+                self._read_texts.pop(topic, None)
         return [(topic, String) for topic, types in self._node.get_topic_names_and_types()
                 if topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{observed.TOPIC}')
                 and types == [observed.STRING] and self._node.count_publishers(topic)]

@@ -86,7 +86,7 @@ class Body:
         self._opacity = 1.0
 
     def show(self, descriptions: Descriptions, placement: Placement, display: Display) -> None:
-        if descriptions is not self._descriptions:
+        if descriptions != self._descriptions:
             self._replace(descriptions)
         if not self._robots:
             return

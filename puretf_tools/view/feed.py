@@ -131,7 +131,7 @@ class Feed:
     why_no_frames: Callable[[], str]  #: returns the likely reason that there are no frames
     #: Returns the average delay of a frame (s; None: not known), and who publishes it.
     publication: Callable[[Frame], tuple[Optional[float], str]]
-    #: Returns the descriptions of robots; the same object if none has changed.
+    #: Returns the descriptions of robots; each is the same object until it changes.
     descriptions: Callable[[], Descriptions] = dict
     #: Why transforms may not arrive, or that time has gone back; '' if neither.
     hint: str = ''
