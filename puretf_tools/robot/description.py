@@ -105,8 +105,8 @@ class Description(NamedTuple):
         """
         movable = {joint.name: joint for joint in self.joints if joint.is_movable}
         _check_positions(joint_positions, movable)
-        rules = mimic_rules({name: joint._replace(mimic=None) if name in joint_positions else joint
-                             for name, joint in movable.items()})
+        rules = mimic_rules([joint._replace(mimic=None) if joint.name in joint_positions else joint
+                             for joint in self.joints])
         buffer = TransformBuffer(max_frames=sys.maxsize, max_samples=None)
         for joint in self.joints:
             master, multiplier, offset = rules.get(joint.name, ('', 0.0, 0.0))
@@ -245,23 +245,24 @@ class _Follower(NamedTuple):
     offset: float
 
 
-def mimic_rules(movable: Mapping[str, Joint]) -> dict[str, tuple[str, float, float]]:
+def mimic_rules(joints: Iterable[Joint]) -> dict[str, Mimic]:
     """
-    Return, by the name of each joint, the free joint that it follows, a multiplier and an offset.
+    Return, by the name of each movable joint, how it follows a free joint.
 
     A joint is free, and follows itself, if it has no mimic, or that of itself, in a loop, of a
-    joint that is not among these, or with numbers above `LARGEST`.
+    joint that cannot move, or with numbers above `LARGEST`.
     """
+    movable = {joint.name: joint for joint in joints if joint.is_movable}
     followers = {name: _Follower(*joint.mimic) for name, joint in movable.items()
                  if joint.mimic and joint.mimic.joint in movable}
     in_loops = chain(*loops({name: each.parent for name, each in followers.items()}))
     free = movable.keys() - followers.keys() | {*in_loops}
 
-    def rule(name: str, followed: tuple[str, float, float]) -> tuple[str, float, float]:
+    def rule(name: str, followed: Mimic) -> Mimic:
         (_, factor, summand), (master, multiplier, offset) = followers[name], followed
         multiplier, offset = factor * multiplier, factor * offset + summand
         is_sane = abs(multiplier) <= LARGEST and abs(offset) <= LARGEST
-        return (master, multiplier, offset) if is_sane else (name, 1.0, 0.0)
+        return Mimic(master, multiplier, offset) if is_sane else Mimic(name, 1.0, 0.0)
 
-    rules = descend(followers, {name: (name, 1.0, 0.0) for name in free}, rule)
+    rules = descend(followers, {name: Mimic(name, 1.0, 0.0) for name in free}, rule)
     return {name: rules[name] for name in movable}

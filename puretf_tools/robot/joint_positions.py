@@ -22,11 +22,9 @@ class JointPositions:
     def __init__(self, description: Description, before: Mapping[str, float] = {}) -> None:
         """Start at the positions `before` where they are known, else in the centre."""
         self.description = description
-        movable = {joint.name: joint for joint in description.joints if joint.is_movable}
-        #: By the name of each movable joint: the free joint, the multiplier and the offset.
-        self._rules = mimic_rules(movable)
-        self.free = {name: movable[name] for name, (master, _, _) in self._rules.items()
-                     if master == name}
+        self._rules = mimic_rules(description.joints)
+        self.free = {joint.name: joint for joint in description.joints
+                     if joint.name in self._rules and self._rules[joint.name].joint == joint.name}
         self._values: dict[str, float] = {}
         self.centre()
         for name, position in before.items():

@@ -102,9 +102,10 @@ def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, Map
     if isinstance(description, str):
         return Robot(topic, problem=description)
     joints: dict[str, list[str]] = {}
-    movable = {joint.name: joint for joint in description.joints if joint.is_movable}
-    for name, (master, _, _) in mimic_rules(movable).items():
-        joints.setdefault(master, []).append(movable[name].child)
+    rules = mimic_rules(description.joints)
+    for joint in description.joints:
+        if joint.name in rules:
+            joints.setdefault(rules[joint.name].joint, []).append(joint.child)
     floating = {joint.child for joint in description.joints
                 if joint.kind in ('planar', 'floating')}
     if floating.issuperset(joint.child for joint in description.joints
