@@ -15,7 +15,6 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from rclpy.task import Future
 
 from puretf._ros.own_node import OwnNode
 from puretf._ros.rclpy_private import guard_condition, RCLError, WaitSet
@@ -49,8 +48,7 @@ class NodeThread(Thread):
         self._guard = guard_condition(node, group, self.stop)
 
     def wake(self) -> None:
-        """End the wait of the thread."""
-        raise NotImplementedError
+        """End the wait of the thread, unless it is short."""
 
     def work_until_end(self) -> None:
         raise NotImplementedError
@@ -93,14 +91,6 @@ class NodeThread(Thread):
 class SpinThread(NodeThread):
     """A thread that spins a node, as in tf2_ros; `stop` calls `on_end`, even if not started."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self._end = Future()
-
-    def wake(self) -> None:
-        if not self._end.done():
-            self._end.set_result(None)
-
     def stop(self) -> None:
         super().stop()
         self._on_end()
@@ -110,7 +100,8 @@ class SpinThread(NodeThread):
         try:
             executor.add_node(self._node)
             with suppress(ExternalShutdownException):
-                executor.spin_until_future_complete(self._end)
+                while not self.must_end:
+                    executor.spin_once(_MAX_WAIT)
         finally:
             executor.remove_node(self._node)
             executor.shutdown()
