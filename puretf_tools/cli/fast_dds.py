@@ -46,15 +46,15 @@ def remove_unfinished_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]
                     or int.from_bytes(path.read_bytes()[:4], 'little') >= 2):  # 2: finished
                 continue
             path.unlink()
-        except FileNotFoundError:  # another command has removed it
-            continue
+        except FileNotFoundError:
+            pass  # another command has removed it
         except OSError as error:
             yield (f'cannot remove {path} ({error.strerror}): a process that was killed has left '
                    'it unfinished, and ROS programs that use this port hang; remove it as its '
                    f'owner: rm {path}')
-            continue
-        yield (f'removed {path}: a process that was killed has left it unfinished, and ROS '
-               'programs that use this port would hang')
+        else:
+            yield (f'removed {path}: a process that was killed has left it unfinished, and ROS '
+                   'programs that use this port would hang')
 
 
 def destroy(node: Node) -> None:

@@ -40,16 +40,13 @@ class FrameListener(PublisherListener):
         super().__init__(Buffer(Duration(seconds=seconds, nanoseconds=CACHE_TIME), node), node)
         #: The names of the topics of static and of dynamic transforms, after remapping.
         self.topics = [each.topic_name for each in self.subscriptions]
-        self._time_watch = TimeWatch(self)
+        #: Clears the buffer if time goes back, and says so.
+        self.time_hint = TimeWatch(self).follow
 
     @cached_property
     def pulse(self) -> Pulse:
         """How late this program runs, from the first look on."""
         return Pulse()
-
-    def time_hint(self) -> str:
-        """Clear the buffer if time goes back, and say so: see `TimeWatch.follow`."""
-        return self._time_watch.follow()
 
     def topics_hint(self) -> str:
         """Return why transforms may not arrive; '' if there is no sign of it. See `time_hint`."""

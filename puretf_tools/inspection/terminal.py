@@ -77,5 +77,4 @@ def fixed_point(value: float, precision: int) -> str:
     >>> fixed_point(-0.0004, 3)
     '0.000'
     """
-    text = f'{value:.{precision}f}'
-    return text if float(text) else text.removeprefix('-')
+    return f'{round(value, precision) + 0.0:.{precision}f}'  # -0.0 + 0.0 is 0.0
