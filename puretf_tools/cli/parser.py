@@ -11,7 +11,7 @@ from typing import Any, NoReturn, Optional
 
 from puretf._text.names import visible
 from puretf._text.similar_names import near_names
-from puretf_tools.cli.signals import record_signals, signal_received, unchecked_signals_end
+from puretf_tools.cli.signals import record_signals, restore_signals, signal_received
 
 
 class UsageError(ValueError):
@@ -84,15 +84,14 @@ def run(parser: Parser, command: Callable[..., int],
         `--bag`, or if the program that reads its output has ended.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
-    handlers, bag = record_signals(), None
+    handlers, bag = record_signals(has_limit=True), None
     try:
         given = _without_ros_args(arguments)[1:]
         options = vars(parser.parse_args(parser.prepare(given)))
         bag = options.get('bag')
         parser.finish(options)
         _make_writable()
-        with unchecked_signals_end():
-            return command(ros_args=arguments, **options)
+        return command(ros_args=arguments, **options)
     except KeyboardInterrupt:
         if number := bag and (signal_received() or signal.SIGINT):
             print(f'{parser.prog}: ended early by {signal.Signals(number).name}', file=sys.stderr)
@@ -106,8 +105,7 @@ def run(parser: Parser, command: Callable[..., int],
         print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        restore_signals(handlers)
 
 
 def _make_writable() -> None:

@@ -32,36 +32,34 @@ _LONGEST_END = 5
 _received: list[int] = []
 #: The number of signals that are only recorded. Each signal after them raises KeyboardInterrupt.
 _recorded = 1
-#: True while a signal that is not checked for ends the command.
-_is_limited = False
 
 
-def record_signals() -> dict[int, Any]:
-    """Set the handlers; return the previous ones by signal, or {} if these are already set."""
-    if signal.getsignal(signal.SIGINT) is _record:
-        return {}
-    forget_signals()
-    return {number: signal.signal(number, _record) for number in _SIGNALS}
+def record_signals(has_limit: bool = False) -> dict[int, Any]:
+    """
+    Set the handlers that are not set yet; return the previous ones by signal.
+
+    :param has_limit: whether a signal that is not checked for within 2 s ends the command.
+    """
+    handlers = dict[int, Any]()
+    if signal.getsignal(signal.SIGINT) is not _record:
+        forget_signals()
+        handlers = {number: signal.signal(number, _record) for number in _SIGNALS}
+    if has_limit and sys.platform != 'win32':
+        handlers[signal.SIGALRM] = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    return handlers
 
 
-@contextmanager
-def unchecked_signals_end() -> Iterator[None]:
-    """In the `with` block, raise KeyboardInterrupt if a signal is not checked for within 2 s."""
-    global _is_limited
-    if not hasattr(signal, 'setitimer'):  # on Windows
-        yield
-        return
-    before, _is_limited = signal.signal(signal.SIGALRM, signal.default_int_handler), True
-    try:
-        yield
-    finally:
-        _set_timer(0.0)
-        _is_limited = False
-        signal.signal(signal.SIGALRM, before)
+def restore_signals(handlers: dict[int, Any]) -> None:
+    """Set the handlers that `record_signals` has returned."""
+    _set_timer(0.0)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 def _set_timer(seconds: float) -> None:
-    if _is_limited:
+    """Set the timer of the limit, if there is one: in an import, there is none."""
+    if sys.platform != 'win32' and (
+            signal.getsignal(signal.SIGALRM) is signal.default_int_handler):
         # Again and again, since what is raised in a callback of the garbage collector is lost.
         signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
 
