@@ -26,7 +26,7 @@ from puretf._core.texts import ThrottledLog
 from puretf._ros.graph import blocked_nodes, surroundings
 from puretf._ros.listener_thread import ListenerThread, MessageWait, NodeThread, SpinThread
 from puretf._ros.other_topics import Ear
-from puretf._ros.own_node import OwnNode
+from puretf._ros.own_node import OwnNode, OwnSubscription
 from puretf._ros.qos import check_node, profile, TF, TF_STATIC
 from puretf._ros.rclpy_private import missing_part, subscribe
 from puretf._ros.subscription import AUTHORITY, QosMonitor, SubscriptionSource
@@ -134,7 +134,7 @@ class TransformListener:
             return self.node.create_subscription(
                 TFMessage, topic, callback, qos, callback_group=self.group)
         if self._own:
-            return self._own.subscribe(TFMessage, topic, qos)
+            return OwnSubscription(self._own, TFMessage, topic, qos)
         return subscribe(self.node, TFMessage, topic, callback, qos, self.group)
 
     def _create_source(self, *args: Any) -> SubscriptionSource:

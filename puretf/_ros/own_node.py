@@ -26,15 +26,19 @@ _MOST = 100
 class OwnSubscription:
     """A subscription of an `OwnNode`, with the messages that it has received."""
 
-    is_polled = False  #: whether `take` receives; it must not while locks are held
+    def __init__(self, owner: 'OwnNode', message_type: Any, topic: str, qos: QoSProfile,
+                 is_polled: bool = False) -> None:
+        """
+        Subscribe to a topic, which is remapped as for the node of the user.
 
-    def __init__(self, owner: 'OwnNode', node: Node, message_type: Any, topic: str,
-                 qos: QoSProfile) -> None:
-        self._owner = owner
+        :param is_polled: whether `take` receives; it must not while locks are held.
+        """
+        self._owner, self._is_polled = owner, is_polled
         self._messages: deque[tuple[bytes, Any]] = deque(
             maxlen=qos.depth if qos.history == HistoryPolicy.KEEP_LAST else None)
         add: Any = self._add  # that rclpy passes an info, too, its annotation does not say
-        subscription = node.create_subscription(message_type, topic, add, qos, raw=True)
+        subscription = owner.node.create_subscription(
+            message_type, owner.user.resolve_topic_name(topic), add, qos, raw=True)
         self.topic_name: str = subscription.topic_name
         self.qos_profile: QoSProfile = subscription.qos_profile
 
@@ -44,7 +48,7 @@ class OwnSubscription:
 
     def take(self, most: int) -> list[tuple[bytes, Any]]:
         """Take at most a number of messages, each as its bytes and its info."""
-        if self.is_polled:
+        if self._is_polled:
             self._owner.wait(0.0)
         return [self._messages.popleft() for _ in range(min(most, len(self._messages)))]
 
@@ -56,19 +60,14 @@ class OwnNode:
     """A node beside the node of a user; its subscriptions receive while `wait` is called."""
 
     def __init__(self, node: Node) -> None:
-        self._user, self.count = node, 0
-        self._node = Node(
+        self.user, self.count = node, 0
+        self.node = Node(
             f'{node.get_name()}_tf', namespace=node.get_namespace(), context=node.context,
             use_global_arguments=False, start_parameter_services=False, enable_rosout=False)
         self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self._receiving, self._is_closed = Lock(), False
         _warn_once(node.get_logger().name)
-
-    def subscribe(self, message_type: Any, topic: str, qos: QoSProfile) -> OwnSubscription:
-        """Subscribe to a topic, which is remapped as for the node of the user."""
-        return OwnSubscription(
-            self, self._node, message_type, self._user.resolve_topic_name(topic), qos)
 
     def wait(self, limit: float) -> None:
         """Receive what has arrived; wait for it at most a time (s), unless another thread does."""
@@ -97,7 +96,7 @@ class OwnNode:
             try:
                 with suppress(Exception):  # ROS has been shut down
                     self._executor.shutdown(0.0)
-                    self._node.destroy_node()
+                    self.node.destroy_node()
             finally:
                 self._receiving.release()
 
@@ -106,9 +105,7 @@ def subscribe_to_bytes(node: Node, message_type: Any, topic: str, qos: QoSProfil
                        ) -> Union[Subscription, OwnSubscription]:
     """Create a subscription that no executor of the user serves."""
     if missing_part():
-        own = OwnNode(node).subscribe(message_type, topic, qos)
-        own.is_polled = True
-        return own
+        return OwnSubscription(OwnNode(node), message_type, topic, qos, is_polled=True)
     return subscribe(node, message_type, topic, lambda _: None, qos, node.default_callback_group)
 
 

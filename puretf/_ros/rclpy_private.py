@@ -284,15 +284,15 @@ class Taker:
     def __init__(self, subscription: Any) -> None:
         """Create the structs into which rcl writes; for an OwnNode, rclpy must tell the gid."""
         self._subscription = subscription
-        is_of_rclpy = isinstance(subscription, Subscription)
-        self._handle: Any = subscription.handle if is_of_rclpy else None
-        self._take: Any = rcl_take() if is_of_rclpy else None
+        self._handle: Any = (
+            subscription.handle if isinstance(subscription, Subscription) else None)
         is_cyclone = get_rmw_implementation_identifier() == cyclone_dds.IDENTIFIER
         #: False if the time of reception is the time at which the message is taken.
         self.has_reception_times = not is_cyclone
         self._received = 0  # the last time of reception (ns)
-        if self._take is None:
+        if self._handle is None:
             return
+        self._take = rcl_take()
         self._gid_of = cyclone_dds.gid_translator(
             rmw_subscription(self._handle).data) if is_cyclone else None
         rcutils = ctypes.PyDLL('librcutils.so')
@@ -303,7 +303,7 @@ class Taker:
 
     def take(self, most: int) -> list[_Taken]:
         """Take the messages that have arrived; only one thread at a time may call this."""
-        if self._take is None:
+        if self._handle is None:
             taken = [(data, _gid(info), info['received_timestamp'] or 0,
                       info['source_timestamp'] or 0)
                      for data, info in take_bytes(self._subscription, most)]
