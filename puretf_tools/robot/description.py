@@ -19,7 +19,6 @@ from puretf_tools.robot.urdf_text import attribute, numbers, refuse, robot_eleme
 
 #: The types of joints.
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed', 'planar', 'floating')
-MOVABLE = ('revolute', 'continuous', 'prismatic')
 #: The largest position (rad or m), and the largest multiplier and offset of a mimic.
 LARGEST = 1e9
 #: The numbers that a joint may have, by element, and their defaults; None: it is required.
@@ -60,7 +59,7 @@ class Joint(NamedTuple):
     @property
     def is_movable(self) -> bool:
         """True for revolute, continuous and prismatic joints."""
-        return self.kind in MOVABLE
+        return self.kind in ('revolute', 'continuous', 'prismatic')
 
     def pose_at(self, position: float) -> Pose:
         """
