@@ -209,9 +209,6 @@ class ListenerThread(NodeThread):
 @atexit.register
 def _stop_all() -> None:
     """Stop all threads at exit, because a thread that still waits in rcl aborts the process."""
-    threads = [each for each in running_threads() if isinstance(each, NodeThread)]
-    for thread in threads:
-        thread.must_end = True
-        thread.wake()
-    for thread in threads:
-        thread.stop()
+    for thread in running_threads():
+        if isinstance(thread, NodeThread):
+            thread.stop()
