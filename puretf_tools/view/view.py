@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache, partial
-from queue import SimpleQueue
 from threading import Thread
 from time import monotonic
 from typing import Any, Optional
@@ -145,7 +144,6 @@ class Viewer:
         self._place_paused: Optional[Place] = None
         self._buffer = feed.buffer
         self._next_texts = 0.0  # the time of their next update (s, monotonic clock)
-        self._key: tuple[object, ...] = ()  # they are updated at once if this changes
         self.first_camera = FirstCamera(self._cameras)
         self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore)
         if feed.player:
@@ -164,7 +162,6 @@ class Viewer:
 
     def close(self) -> None:
         """Stop what the viewer has started, after they have left."""
-        self.pace.close()
         self._panel.hand_frame.stop()
 
     def _place(self, place: Place, until: int) -> Placement:
@@ -295,20 +292,15 @@ class Pace:
     def __init__(self, client: viser.ClientHandle, key: str) -> None:
         """Read what the browser has stored under a key; meanwhile, the viewer is waited for."""
         self._storage, self._key = client.local_storage, key
-        self._moves: SimpleQueue[Optional[Callable[[], object]]] = SimpleQueue()
         self.stored: Optional[str] = None  #: the view, as the browser has stored it
         self.page = [0.0, 0.0, 0.0, 0.0]  #: what head.html says; see there
-        self.error: Optional[Exception] = None  #: what has ended the thread
+        self.error: Optional[Exception] = None  #: what a move has raised
         self.when_handled(self._read)
-        Thread(target=self._work, daemon=True).start()
 
     def when_handled(self, move: Callable[[], object]) -> None:
         """Call a function in another thread, as soon as what was sent before has been handled."""
         self.is_waiting = True  #: until the last update has been handled
-        self._moves.put(move)
-
-    def close(self) -> None:
-        self._moves.put(None)
+        Thread(target=self._wait, args=(move,), daemon=True).start()
 
     def store(self, text: str) -> None:
         """Let the browser store a text, in place of the one before, if it can send it back."""
@@ -320,14 +312,13 @@ class Pace:
         with suppress(RuntimeError):  # the storage is blocked, or the viewer has left
             self.stored = self._storage.get_item(self._key)
 
-    def _work(self) -> None:
+    def _wait(self, move: Callable[[], object]) -> None:
         try:
-            while move := self._moves.get():
-                with suppress(RuntimeError):  # as in `_read`
-                    page = [*map(float, (self._storage.get_item(PAGE) or '').split())]
-                    if len(page) == len(self.page):
-                        self.page = page
-                move()
-                self.is_waiting = False
+            with suppress(RuntimeError):  # as in `_read`
+                page = [*map(float, (self._storage.get_item(PAGE) or '').split())]
+                if len(page) == len(self.page):
+                    self.page = page
+            move()
         except Exception as error:
-            self.error, self.is_waiting = error, False
+            self.error = error
+        self.is_waiting = False
