@@ -143,7 +143,7 @@ class Viewer:
         #: there are no frames.
         self._place_paused: Optional[Place] = None
         self._buffer = feed.buffer
-        self._next_texts = 0.0  # the time of their next update (s, monotonic clock)
+        self._next_texts = 0.0  # when they are updated (s, monotonic clock); 0.0: at once
         self.first_camera = FirstCamera(self._cameras)
         self._settings.add('Camera', lambda: self.first_camera.view, self.first_camera.restore)
         if feed.player:
@@ -214,9 +214,8 @@ class Viewer:
                          panel.follow.value, panel.follows_yaw.value,
                          panel.pair.frames if panel.pair.shown else ())
         panel.hand_frame.update(placement)
-        key = selected, hidden, frozenset(panel.tree.sets['fold'])
-        if now >= self._next_texts or key != self._key:
-            self._next_texts, self._key = now + _TEXT_PERIOD, key
+        if now >= self._next_texts:
+            self._next_texts = now + _TEXT_PERIOD
             self._show_texts(placement, selected, hidden, now)
         self.first_camera.update(
             lambda: self._scene.seen(placement, Display().shown(placement)), now)
@@ -244,6 +243,7 @@ class Viewer:
         panel, selected = self._panel, self._panel.selected
         while self._events:
             action, what = self._events.popleft()
+            self._next_texts = 0.0
             name = next((each for each in placement.names if what in (each, visible(each))),
                         selected.value)
             if action == 'view':
