@@ -122,7 +122,7 @@ class Feed:
     buffer: AnyBuffer
     player: Optional[Player] = None  #: the playback clock of a bag; None if the frames are live
     hand_publisher: Optional[HandPublisher] = None  #: None for a bag: nothing can be published
-    joint_controls: Optional[JointControls] = None  #: None for a bag
+    joint_controls = JointControls()  #: a bag has none
     follow: str = ''  #: the frame that stays in the picture, until a viewer chooses another one
     #: What `tf_doctor` finds, errors first; another object after a change.
     findings: Sequence[Finding] = ()

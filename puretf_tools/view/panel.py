@@ -1,6 +1,6 @@
 """The panel beside the scene: the controls and texts of one viewer."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -67,7 +67,8 @@ class Panel:
             gui.add_command(text, hotkey=key).on_trigger(self._put(*event))
         gui.add_button_group('View', tuple(VIEWS)).on_click(self._put('view'))
         tabs = gui.add_tab_group()
-        self.robot = RobotTab(gui, tabs, feed.joint_controls)
+        self._add_robot = lambda: RobotTab(gui, tabs.add_tab('Robot'), feed.joint_controls)
+        self._robot = self._add_robot() if feed.joint_controls.come_first else None
         with tabs.add_tab('Frame'):
             self.selected = FrameChoice(gui, 'Frame', settings=settings)
             self.trail = FrameChoice(gui, 'Trail of', settings=settings)
@@ -122,6 +123,13 @@ class Panel:
         self.is_paused = is_paused
         change(self._live, options=(_RESUME if is_paused else _PAUSE, _RESET))
         change(self.back, visible=is_paused, value=min(max(seconds, 0.0), float(LENGTH)))
+
+    def show_robot(self, lines: Sequence[str], folded_lines: Sequence[str]) -> None:
+        """Show lines about descriptions and meshes, and the joints, as soon as there is a line."""
+        if lines and not self._robot:
+            self._robot = self._add_robot()
+        if self._robot:
+            self._robot.update(lines, folded_lines)
 
     def set_frames(self, placement: Placement) -> None:
         """Set the dropdowns, and what the viewer has not chosen."""

@@ -23,37 +23,6 @@ _CENTRE, _WAVE = 'Centre', 'Wave'
 _DIGITS, _ANGLE_DIGITS = 4, 1
 
 
-class RobotTab:
-    """Lines about descriptions and meshes, and the joints."""
-
-    def __init__(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle,
-                 joints: Optional[JointControls]) -> None:
-        """Add the tab when there is a description, or at once if the joints come first."""
-        self._gui, self._tabs, self._source = gui, tabs, joints
-        self._text: Any = None
-        self._joints: Optional[Joints] = None
-        if joints and joints.come_first:
-            self._add()
-
-    def _add(self) -> None:
-        gui, tab = self._gui, self._tabs.add_tab('Robot')
-        with tab:
-            self._text = gui.add_html('', order=1e9)  # below all joints
-        self._joints = Joints(gui, tab, self._source) if self._source else None
-
-    def update(self, lines: Sequence[str], folded_lines: Sequence[str]) -> None:
-        """Show lines of text, and folded ones; and the joints."""
-        shown, folded = _joined(lines), _joined(folded_lines)
-        if shown and not self._text:
-            self._add()
-        if folded:
-            shown += f'<details><summary>meshes that are not drawn</summary>{folded}</details>'
-        if self._text:
-            change(self._text, content=f'<div class="tf-text" data-text="robot">{shown}</div>')
-        if self._joints:
-            self._joints.update()
-
-
 def _joined(lines: Sequence[str]) -> str:
     rest = len(lines) - _MOST_LINES
     return '<br>'.join(escaped(abbreviated(line, _LONGEST_LINE)) for line in [
@@ -79,12 +48,13 @@ class _Slider:
             self.handle.value = self.shown = value
 
 
-class Joints:
-    """The sliders for the joints of one robot, which move at once."""
+class RobotTab:
+    """Lines about descriptions and meshes, and the sliders for the joints of one robot."""
 
     def __init__(self, gui: viser.GuiApi, container: Any, source: JointControls) -> None:
         self._gui, self._container, self._source = gui, container, source
         with container:
+            self._text = gui.add_html('', order=1e9)  # below all joints
             self._status = gui.add_html('')
             self._choice = gui.add_dropdown('Joints of', ('',), visible=False)
             self._moves = gui.add_button_group('Move', (_CENTRE,), visible=False)
@@ -109,7 +79,12 @@ class Joints:
             slider.shown = event.target.value
             control.set(slider.joint.name, slider.shown / slider.scale)
 
-    def update(self) -> None:
+    def update(self, lines: Sequence[str], folded_lines: Sequence[str]) -> None:
+        """Show lines of text, and folded ones; and the joints, which move at once."""
+        shown, folded = _joined(lines), _joined(folded_lines)
+        if folded:
+            shown += f'<details><summary>meshes that are not drawn</summary>{folded}</details>'
+        change(self._text, content=f'<div class="tf-text" data-text="robot">{shown}</div>')
         topics = tuple(control.topic for control in self._source.controls)
         change(self._choice, options=topics or ('',), visible=len(topics) > 1)
         control = self._control = self._chosen

@@ -82,8 +82,7 @@ class View:
         until = self._playback.update(bool(clients)) if self._playback else 0
         self._feed.watch(now)  # the listener drops the oldest messages if nobody looks
         descriptions = self._feed.descriptions()
-        if self._feed.joint_controls:
-            self._feed.joint_controls.update(descriptions)
+        self._feed.joint_controls.update(descriptions)
         for gone in self.viewers.keys() - clients.keys():
             self.viewers.pop(gone).close()
         place = cache(self._watcher.placement)
@@ -228,7 +227,7 @@ class Viewer:
         panel.tree.update(placement, selected, hidden, self._scene.body.progress, now)
         change(panel.overview, content=overview(placement, self._feed, panel.fixed.chosen))
         change(panel.details, content=details(placement, selected, self._feed, self._buffer))
-        panel.robot.update(*self._scene.body.lines())
+        panel.show_robot(*self._scene.body.lines())
         panel.pair.update(self._buffer, self._until)
         self.pace.store(self._settings.as_json())
 

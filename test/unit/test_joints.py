@@ -14,7 +14,7 @@ from viewer import Viewer
 
 from puretf_tools.robot.description import parse
 from puretf_tools.robot.joint_senders import JointControl, JointControls
-from puretf_tools.view.robot_tab import Joints
+from puretf_tools.view.robot_tab import RobotTab
 from puretf_tools.view.server import serve
 
 
@@ -74,9 +74,9 @@ class Page:
         """Update the sliders of each viewer, as the page does."""
         for number, client in self.server.get_clients().items():
             if number not in self._joints:
-                self._joints[number] = Joints(
+                self._joints[number] = RobotTab(
                     client.gui, client.gui.add_folder('Robot'), cast(JointControls, self))
-            self._joints[number].update()
+            self._joints[number].update([], [])
 
     def until(self, condition, viewer=None):
         """Update until a condition holds, which `viewer` sees."""
