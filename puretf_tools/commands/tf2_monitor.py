@@ -58,7 +58,6 @@ class Chain:
         if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
             return wrapped(f'Waiting for transform {shortened(first)} ->  {shortened(last)}: '
                            f'{visible(why)}')
-        self.sample()
         begin = self._frame_listener.now() - WINDOW * SECOND
         delays = [in_seconds(delay) for time, delay in self._delays if time >= begin]
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',

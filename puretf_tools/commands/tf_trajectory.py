@@ -1,7 +1,6 @@
 """The command `tf_trajectory`: write or draw the pose of a frame in another one over time."""
 
 from argparse import Action
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -250,7 +249,7 @@ def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int
                              f'{MAX_ROWS} are possible: choose at least '
                              f'{1.05 * (last - first) / MAX_ROWS / SECOND:.2g} s')
         stamps = min(first, last) + every * np.arange(count, dtype=np.int64)
-    stamps = stamps[bisect_left(stamps, first):bisect_right(stamps, last)]
+    stamps = stamps[(stamps >= first) & (stamps <= last)]
     if not len(stamps):
         begin, end = span
         raise CommandError(
