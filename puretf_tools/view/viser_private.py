@@ -25,7 +25,6 @@ It uses private parts of viser 1.1.1, which test/unit/test_viser_private.py chec
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
-from functools import lru_cache
 import gzip
 from html import escape
 from http import HTTPStatus
@@ -119,7 +118,8 @@ class Server(viser.ViserServer):
                 return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
             response = process_request(connection, request)
             if response and response.headers.get('Content-Encoding') == 'gzip':
-                response.body = _packed(response.body, self.title)
+                page = with_head(gzip.decompress(response.body).decode(), self.title)
+                response.body = gzip.compress(page.encode())
                 del response.headers['Content-Length']
                 response.headers['Content-Length'] = str(len(response.body))
             return response
@@ -153,8 +153,7 @@ class Server(viser.ViserServer):
     def _control(self, client_id: int, message: Any) -> Any:
         """Return the control that a message changes; None: it has been removed."""
         client = self.get_clients().get(client_id)
-        return next((found for gui in (self.gui, *([client.gui] if client else []))
-                     if (found := gui._gui_input_handle_from_uuid.get(message.uuid))), None)
+        return client and client.gui._gui_input_handle_from_uuid.get(message.uuid)
 
     def end_session(self, client_id: int, error: Exception) -> None:
         """Disconnect a viewer whose data have raised an error."""
@@ -184,11 +183,6 @@ class _LoopEvent(asyncio.Event):
 def uuid_of(control: Any) -> str:
     """Return the name of a control in the messages of a client."""
     return str(control._impl.uuid)
-
-
-@lru_cache(1)
-def _packed(page: bytes, title: str) -> bytes:
-    return gzip.compress(with_head(gzip.decompress(page).decode(), title).encode())
 
 
 def with_head(page: str, title: str) -> str:
