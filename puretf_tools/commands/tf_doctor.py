@@ -19,7 +19,7 @@ from puretf.bag import is_bag, recordings
 from puretf_tools.cli.bag_options import add_bag_options, bag_progress, BagOption, for_commands
 from puretf_tools.cli.parser import frame_name, Parser, run, UsageError
 from puretf_tools.cli.progress import progress
-from puretf_tools.cli.signals import check_signals, signals_blocked, sleep
+from puretf_tools.cli.signals import signals_blocked, sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.doctor.checks import CHECKS, ERROR, Finding
 from puretf_tools.doctor.explanation import explain, Explanation
@@ -114,16 +114,13 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
 def _results(found: Sequence[Sequence[Path]], jobs: int,
              examine_one: Callable[..., dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Examine recordings in this process or in several, with a bar; yield the results in order."""
-    if len(found) == 1:
-        with bag_progress([str(found[0][0])]) as on_progress:
-            yield examine_one(found[0], on_progress=on_progress)
+    if jobs == 1 or len(found) == 1:
+        for paths in found:
+            with bag_progress([str(paths[0])]) as on_progress:
+                result = examine_one(paths, on_progress=on_progress)
+            yield result
         return
     with progress(len(found), desc='examining bags', unit='bag') as show:
-        if jobs == 1:
-            for number, paths in enumerate(found):
-                show(number)
-                yield examine_one(paths, on_progress=lambda done: check_signals())
-            return
         # Each thread waits for a process of its own, so that a process that is killed costs only
         # one result. A forked process could hold locks of threads that it does not have.
         local = threading.local()
