@@ -197,8 +197,7 @@ class BagFeed(Feed):
 
     def hole(self, target: str, name: str) -> str:
         with suppress(TransformException):
-            time, begin = self.player.time, self.player.begin
-            return interpolated(self.buffer, target, name, time, begin)
+            return interpolated(self.buffer, target, name, self.player.time, self.player.begin)
         return ''
 
 
