@@ -65,8 +65,8 @@ class Scene:
         self._labels: dict[str, viser.LabelHandle] = {}
         self._label_numbers = count()
         self._moves: list[tuple[Any, ...]] = []
-        #: The last placement, how it was drawn, and the labels, for clicks.
-        self._shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
+        #: The last placement, how it was drawn, and the labels; None: nothing has been drawn.
+        self.shown: Optional[tuple[Placement, Display, dict[str, _Label]]] = None
         self._send = send
         self.body = Body(self._scene, meshes, partial(send, 'select'), self._put)
         if isinstance(owner, viser.ClientHandle):
@@ -182,9 +182,9 @@ class Scene:
 
     def _at(self, x: float, y: float, camera: viser.CameraHandle) -> str:
         """Return the frame whose name or axes are drawn at a pixel; '' if there is none."""
-        if self._shown is None:
+        if self.shown is None:
             return ''
-        placement, display, labels = self._shown
+        placement, display, labels = self.shown
         for name, (text, place) in labels.items():
             (left, bottom, depth), = _pixels(self.in_scene(place[None]), camera)
             if (depth > 0.0 and 0.0 <= x - left <= _LETTER * (len(text) + 2)
@@ -211,7 +211,7 @@ class Scene:
             shown = _without_overlap(
                 {**{name: shown[name] for name in first if name in shown}, **shown},
                 self._owner.camera, self.in_scene)
-        self._shown = placement, display, shown
+        self.shown = placement, display, shown
         for name in self._labels.keys() - shown.keys():
             self._labels[name].visible = False
         for name in self._labels.keys() - {*placement.names}:

@@ -136,8 +136,6 @@ class Viewer:
         self._settings = Settings(first)
         self._panel = Panel(client, feed, self._settings, self._send)
         self._playback = playback
-        #: The last placement, and how it was drawn.
-        self._shown: Optional[tuple[Placement, Display]] = None
         #: Places the frames of the last seconds before a pause; None: the page is not paused, or
         #: there are no frames.
         self._place_paused: Optional[Place] = None
@@ -166,10 +164,9 @@ class Viewer:
     def _place(self, place: Place, until: int) -> Placement:
         """Return the frames to show; while they are paused, those of a copy of the buffer."""
         panel = self._panel
-        if not panel.is_paused and self._place_paused:
-            self._buffer = self._feed.buffer
-            self._place_paused = None
-        if panel.is_paused and not self._place_paused and (newest := _newest(self._feed.buffer)):
+        if not panel.is_paused:
+            self._buffer, self._place_paused = self._feed.buffer, None
+        elif not self._place_paused and (newest := _newest(self._feed.buffer)):
             self._buffer = TransformBuffer.copy_of(
                 self._feed.buffer, max(1, newest - LENGTH * SECOND))
             self._place_paused = lru_cache(1)(FrameWatcher(self._buffer).placement)
@@ -189,7 +186,7 @@ class Viewer:
         panel = self._panel
         if self.pace.error:
             raise self.pace.error
-        if self._shown is None:
+        if self._scene.shown is None:
             self._restore()
         width, height, *click = self.pace.page
         self._client.camera.page_size = width, height
@@ -199,15 +196,14 @@ class Viewer:
         if self._goal and (player := self._feed.player) and player.is_whole:
             player.seek(self._goal)
             self._goal = 0
-        if self._shown:
-            self._take_events(self._shown[0])
+        if self._scene.shown:
+            self._take_events(self._scene.shown[0])
         change(panel.bar, content=self._playback.content if self._playback else '')
         placement = self._place(place, until)
         panel.set_frames(placement)
         selected = panel.selected.value
         hidden = panel.tree.hidden(placement, panel.display.include.value)
         display = panel.display.display(hidden)
-        self._shown = placement, display
         self._scene.show(placement, display, selected,
                          trail(self._buffer, placement, panel.trail.value, display), descriptions,
                          panel.follow.value, panel.follows_yaw.value,
@@ -271,8 +267,8 @@ class Viewer:
 
     def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
-        if self._shown:
-            placement, display = self._shown
+        if self._scene.shown:
+            placement, display, _ = self._scene.shown
             shown = display.shown(placement) if view in VIEWS else (
                 Display().shown(placement) & {self._panel.selected.value})
             look_at(self._scene.seen(placement, shown), self._cameras,
