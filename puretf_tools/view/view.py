@@ -1,5 +1,6 @@
-"""The page: the scene and the panels, updated from a feed and from the viewers' choices."""
+"""The page: the scene and the panels, updated from a feed, and the bar at the foot of a bag."""
 
+from argparse import ArgumentTypeError
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,18 +14,19 @@ import numpy as np
 import viser
 
 from puretf import SECOND, TransformBuffer
-from puretf._text.names import visible
+from puretf._text.names import abbreviated, visible
 from puretf_tools.cli.signals import sleep, wait_until
+from puretf_tools.cli.times import when
+from puretf_tools.inspection.bag_times import both, why_outside
 from puretf_tools.inspection.gaps import AnyBuffer
 from puretf_tools.view.axes_and_trail import Display, trail
 from puretf_tools.view.camera import FirstCamera, look_at, VIEWS
-from puretf_tools.view.controls import change
+from puretf_tools.view.controls import change, values
 from puretf_tools.view.details import details, overview
 from puretf_tools.view.feed import BagFeed, Descriptions, Feed, LENGTH
 from puretf_tools.view.meshes import Meshes
 from puretf_tools.view.panel import Panel
 from puretf_tools.view.placement import FrameWatcher, Placement
-from puretf_tools.view.playback import Playback
 from puretf_tools.view.scene import Scene
 from puretf_tools.view.settings import Settings
 from puretf_tools.view.viser_private import LONGEST, PAGE, receive_at_once, Server
@@ -39,6 +41,8 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 _REST = 4.0
 #: The largest size of a view that is stored (ASCII): a browser sends it back in a message.
 _LONGEST_STORED = LONGEST - 1024
+#: The speeds, from 0.1 to 10 times that of the recording.
+_SPEEDS = '0.1', '0.2', '0.5', '1', '2', '5', '10'
 #: The number of moments that the first camera shows.
 _MOMENTS = 20
 
@@ -115,6 +119,67 @@ class View:
 
 def _newest(buffer: AnyBuffer) -> int:
     return max((frame.latest for frame in buffer.frames()), default=0)
+
+
+class Playback:
+    """The clock of a bag, as the bar at the foot shows and sets it; all viewers share it."""
+
+    def __init__(self, feed: BagFeed) -> None:
+        self._feed, self._player, self._problem = feed, feed.player, ''
+        self.content = ''  #: what the bar shows, for page.js
+
+    def act(self, action: str, what: str) -> None:
+        """Do what a viewer requests; whatever else they have sent has no effect."""
+        player = self._player
+        if action == 'pause':
+            player.plays = not player.plays
+        elif action == 'step':
+            self._step(what == 'back')
+        elif action == 'loop':
+            player.loops = not player.loops
+        elif action == 'speed' and what in _SPEEDS:
+            player.speed = float(what)
+        elif action == 'seek':
+            with suppress(ValueError, OverflowError):  # no number, NaN or infinite
+                player.seek(player.begin + round(float(what) * SECOND))
+        elif action == 'goto':
+            self._problem = self._go_to(abbreviated(what)) if what else ''
+
+    def update(self, is_watched: bool) -> int:
+        """Advance the player if somebody looks, and return its time (ns)."""
+        player, reading = self._player, self._feed.update()
+        player.advance(player.plays and is_watched)
+        marks = {(finding.time - player.begin) / SECOND for finding in self._feed.findings
+                 if player.begin <= finding.time <= player.end}
+        self.content = values('bar', {
+            'position': round(player.position, 2), 'length': player.length,
+            'time': both(player.time, player.begin), 'plays': player.plays,
+            'loops': player.loops, 'speed': f'{player.speed:g}', 'speeds': _SPEEDS,
+            'marks': sorted(marks), 'reading': reading, 'problem': self._problem})
+        return player.time
+
+    def _step(self, is_back: bool) -> None:
+        """Go to the next transform, or back to the last one."""
+        time, stamps = self._player.time, []
+        for frame in self._feed.buffer.frames():
+            if not frame.is_static:
+                own = self._feed.buffer.path_stamps(frame.parent, frame.name)
+                i = int(own.searchsorted(time, 'left')) - 1 if is_back else int(
+                    own.searchsorted(time, 'right'))
+                stamps += own[max(i, 0):i + 1].tolist()
+        if stamps:
+            self._player.stop_at(max(stamps) if is_back else min(stamps))
+
+    def _go_to(self, text: str) -> str:
+        """Pause, and go to a time that a viewer has typed; return why that is refused, or ''."""
+        span = self._player.begin, self._player.end
+        try:
+            time = when(text).within(span)
+        except ArgumentTypeError as error:
+            return str(error)
+        if not (why := why_outside(time, span)):
+            self._player.stop_at(time or self._player.end)  # 0: the latest
+        return why
 
 
 class Viewer:

@@ -25,7 +25,7 @@ from viewer import recorded, StubFeed
 from puretf_tools.view.details import details
 from puretf_tools.view.export import Animation
 from puretf_tools.view.placement import FrameWatcher
-from puretf_tools.view.playback import Playback
+from puretf_tools.view.view import Playback
 
 S = 10**9
 T = 1_700_000_000 * S
