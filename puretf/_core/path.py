@@ -1,7 +1,6 @@
 """The path between two frames: its edges, and the poses that are computed along it."""
 
 from collections.abc import Sequence
-from typing import Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +37,8 @@ class Path:
 
     def pose(self, time: int) -> Pose:
         """Compute the pose of the source frame at a time (ns; 0: each edge's newest)."""
-        if not self.from_target:
-            return _pose_along(self.from_source, time)
-        target_from_top = inverse(_pose_along(self.from_target, time))
-        if not self.from_source:
-            return target_from_top
-        return compose(target_from_top, _pose_along(self.from_source, time))
+        return _composed([edge.pose_at(time) for edge in self.from_source],
+                         [edge.pose_at(time) for edge in self.from_target])
 
     def poses(self, times: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """
@@ -58,25 +53,21 @@ class Path:
             return np.empty((7, len(times))), known
         neighbours = Neighbours(times if known.all() else np.where(known, times, begin))
         with np.errstate(invalid='ignore', over='ignore'):
-            columns = _columns_along(self.from_source, neighbours)
-            if self.from_target:
-                columns = compose(inverse(_columns_along(self.from_target, neighbours)), columns)
+            columns = _composed([edge.poses_at(neighbours) for edge in self.from_source],
+                                [edge.poses_at(neighbours) for edge in self.from_target])
         return np.array([np.broadcast_to(column, len(times)) for column in columns]), known
 
 
-def _pose_along(edges: Sequence[History], time: int) -> Pose:
-    """Compute the pose of the lowest frame in the highest; the edges go upwards."""
-    pose: Optional[Pose] = None
-    for edge in edges:
-        step = edge.pose_at(time)
-        pose = compose(step, pose) if pose else step
-    return pose or IDENTITY
+def _composed(from_source: Sequence[Columns], from_target: Sequence[Columns]) -> Columns:
+    """Compose the poses of the edges, each upwards; each is one pose, or columns."""
+    if not from_target:
+        return _along(from_source) if from_source else IDENTITY
+    target_from_top = inverse(_along(from_target))
+    return compose(target_from_top, _along(from_source)) if from_source else target_from_top
 
 
-def _columns_along(edges: Sequence[History], neighbours: Neighbours) -> Columns:
-    """Compute the poses at many times, each as `_pose_along` does."""
-    columns: Columns = IDENTITY
-    for i, edge in enumerate(edges):
-        poses = edge.poses_at(neighbours)
-        columns = compose(poses, columns) if i else poses
-    return columns
+def _along(steps: Sequence[Columns]) -> Columns:
+    pose, *rest = steps
+    for step in rest:
+        pose = compose(step, pose)
+    return pose
