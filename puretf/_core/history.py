@@ -83,7 +83,7 @@ class History:
     `repeated` transforms were in the history already, and `refused` ones were too old.
     `refused_stamp` is the stamp (ns) of the last of these, and `refused_authority` its publisher;
     `is_refusing` is True if it arrived last. `offsets` has some newest stamps minus their
-    `advance`.
+    `advance`, one of each of the last eight seconds.
     """
 
     is_static = False
@@ -112,10 +112,14 @@ class History:
         """The newest stamp (ns); 0 if there are no samples."""
         return self.stamps[-1] if self.stamps else 0
 
-    def note_offset(self) -> None:
-        """Add to `offsets`, which has one of each of the last eight seconds."""
-        self.next_offset = self.advance + SECOND
-        self.offsets = *self.offsets[-7:], self.latest - self.advance
+    def note_arrival(self, now: int, is_newer: bool) -> None:
+        """Note when a transform arrived (monotonic, ns), and whether its stamp is the newest."""
+        self.arrival = now
+        if is_newer:
+            self.advance = now
+            if now >= self.next_offset:
+                self.next_offset = now + SECOND
+                self.offsets = *self.offsets[-7:], self.latest - now
 
     @property
     def is_frozen(self) -> bool:

@@ -82,11 +82,7 @@ class Insertion:
         before = stamps[-1] if stamps else 0
         is_accepted = history.insert(stamp, parent, pose, authority)
         self._room += length - (length := len(history))
-        history.arrival = now = monotonic_ns()
-        if stamps[-1] != before:
-            history.advance = now
-            if now >= history.next_offset:
-                history.note_offset()
+        history.note_arrival(monotonic_ns(), stamps[-1] != before)
         if not is_accepted:
             self.log.warn(child, texts.old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
@@ -142,9 +138,7 @@ class Insertion:
                         and (length := len(history.stamps) - history.start)
                         and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
                                            batch.authority)):
-                    history.arrival = history.advance = now
-                    if now >= history.next_offset:
-                        history.note_offset()
+                    history.note_arrival(now, True)
                     self._room += length - (length := len(history.stamps) - history.start)
                     if self._room < 0 or length > self._max_samples_per_frame:
                         self._drop_oldest(history, child, batch.authority)

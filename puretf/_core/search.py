@@ -19,16 +19,14 @@ MAX_GRAPH_DEPTH = 1000
 def path(tree: FrameTree, target: str, source: str, time: int) -> Path:
     """Find the path at a time (ns; 0: by the newest parents); raise tf2's error."""
     from_source, from_target = _walk(tree, target, source, time)
-    return Path(_edges(tree, from_source), _edges(tree, from_target))
+    return Path(_edges(tree, from_source[:-1]), _edges(tree, from_target))
 
 
 def chain(tree: FrameTree, target: str, source: str, time: int) -> list[str]:
     """Return the frames on the path at a time (ns; 0: the latest common), the source first."""
     time = time or latest_common_time(tree, target, source)
     from_source, from_target = _walk(tree, target, source, time)
-    # The highest frame of the path is in neither list: it is the parent of the last in each.
-    top = [str(edge.parent_at(time)) for edge in _edges(tree, (from_target or from_source)[-1:])]
-    return [*from_source, *(top or [source]), *reversed(from_target)]
+    return [*from_source, *reversed(from_target)]
 
 
 def _edges(tree: FrameTree, frames: Iterable[str]) -> list[History]:
@@ -37,7 +35,9 @@ def _edges(tree: FrameTree, frames: Iterable[str]) -> list[History]:
 
 def _walk(tree: FrameTree, target: str, source: str, time: int) -> tuple[list[str], list[str]]:
     """
-    Find a path; return the child frames of its edges up from the source, and from the target.
+    Find a path; return its frames from the source up to the highest one, and the others.
+
+    The others are the frames from the target up to below the highest one.
 
     As in tf2, the search first follows the ancestors of the source, as far as there are data
     for the time, and then the ancestors of the target. If there are several errors, this order
@@ -46,16 +46,16 @@ def _walk(tree: FrameTree, target: str, source: str, time: int) -> tuple[list[st
     from_source, top, is_source_short = _climb(tree, source, (target,), time)
     from_target, end, is_target_short = _climb(tree, target, (top, source), time)
     if end == source:
-        return [], from_target
+        return [source], from_target
     if end != top:
         if time and (is_target_short or is_source_short):
             raise failures.extrapolation(
                 tree, end if is_target_short else top, time, target, source)
         raise failures.unconnected(tree, target, source, time or END)
     while from_source and from_target and from_source[-1] == from_target[-1]:
-        from_source.pop()
+        top = from_source.pop()
         from_target.pop()
-    return from_source, from_target
+    return [*from_source, top], from_target
 
 
 def _climb(tree: FrameTree, frame: str, goals: tuple[str, ...], time: int
