@@ -207,11 +207,11 @@ class TransformListener:
         """Count malformed messages, and log each kind once; log other errors once a second."""
         if isinstance(error, MalformedMessage):
             self.malformed += 1
-            self._log.warn_once(str(error).partition(':')[0], (
+            self._log.warn(str(error).partition(':')[0], (
                 f'Dropped a message that cannot be decoded, {error}. Further messages with '
                 'this fault are dropped silently.'))
-        else:
-            self._log.warn_once('error', ''.join(format_exception(error)), 1.0)
+        elif self._log.is_due('error'):
+            self._log.write(''.join(format_exception(error)))
 
     def _end(self) -> None:
         try:

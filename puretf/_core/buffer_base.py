@@ -79,7 +79,7 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
 
         The cache time is a parameter of the constructor: by default, only 10 s before the newest
         pose are kept; `TransformBuffer(cache_time=None)` keeps all. A call with poses that are
-        older than that returns False; the log says once how many they are.
+        older than that returns False; the log says once per frame how many they are.
 
         The poses are inserted in the order of their stamps, up to 2500 at once. This is much
         faster than one `insert` for each if they are newer than the poses that the buffer has of
@@ -112,9 +112,9 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
         expired = len(order) > 1 and bisect_left(
             order, times.item(order[-2]) - tree.cache_time, key=times.item)
         if expired:
-            log.warn_once('TF_EXPIRED', texts.expired(
+            log.warn('TF_EXPIRED', texts.expired(
                 child_frame_id, expired, len(order), tree.cache_time, longer_cache(
-                    times.item(order[-1]) - times.item(order[0]), tree.takes_ns)))
+                    times.item(order[-1]) - times.item(order[0]), tree.takes_ns)), child_frame_id)
             log.flush()
         return is_accepted and not expired
 

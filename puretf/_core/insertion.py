@@ -52,8 +52,9 @@ class Insertion:
             if refusals := texts.refusals(
                     parent, child, pose, authority, not any((qx, qy, qz, qw))):
                 self._tree.note_refusal(child, refusals[0][0], authority)
-                self.log.warn(child, *(text for _, text in refusals), end=partial(
-                    publisher_end, self._tree.look, authority, is_static))
+                for code, text in refusals:
+                    self.log.warn(text.partition(' ')[0], text, f'{code} {child}', partial(
+                        publisher_end, self._tree.look, authority, is_static))
                 return False
             if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
                 # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN
@@ -84,8 +85,8 @@ class Insertion:
         self._room += length - (length := len(history))
         history.note_arrival(monotonic_ns(), stamps[-1] != before)
         if not is_accepted:
-            self.log.warn(child, texts.old_data(
-                child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
+            self.log.warn('TF_OLD_DATA', texts.old_data(
+                child, stamp, authority, history.latest, self._tree.cache_time), child, partial(
                     old_data_end, self._tree.look, authority))
             return False
         if self._room < 0 or length > self._max_samples_per_frame:
@@ -97,12 +98,12 @@ class Insertion:
         end = partial(publisher_end, self._tree.look, authority, is_static)
         if is_too_long(parent) or is_too_long(child):
             what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
-            self.log.warn(child, texts.too_long_name(
-                child, what, name, LONGEST_NAME, authority), end=end)
+            self.log.warn('too long name', texts.too_long_name(
+                child, what, name, LONGEST_NAME, authority), child, end)
             return False
         frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
-            self.log.warn_once('too many frames', texts.too_many_frames(
+            self.log.warn('too many frames', texts.too_many_frames(
                 child, self._max_frames, authority), end=end)
             return False
         return True
@@ -163,6 +164,6 @@ class Insertion:
             history.is_full = True
             history.drop_before(history.start + surplus)
             self._room += surplus
-            self.log.warn_once('too many samples', texts.too_many_samples(
+            self.log.warn('too many samples', texts.too_many_samples(
                 child, authority, min(self._max_samples_per_frame, self._max_samples),
                 self._max_samples))

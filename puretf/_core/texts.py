@@ -2,15 +2,16 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 import logging
-from math import inf, isnan
+from math import isnan
 from time import monotonic
 
 from puretf._text.names import abbreviated, visible
 from puretf._text.times import cache_text, display_time
 
-#: The largest number of frames of which it is remembered that there was a warning.
-_MAX_WARNED = 1000
+#: The largest number of warnings that are remembered, and of those that wait.
+_MAX_WARNED, _MAX_QUEUED = 1000, 100
 _LOGGER = logging.getLogger('puretf')
 
 # The texts of tf2, unchanged.
@@ -104,51 +105,42 @@ def expired(child: str, count: int, total: int, cache_time: int, argument: str) 
     return (f'TF_EXPIRED: Of {total} transforms for child_frame_id "{_plain(child)}" in one call, '
             f'{count} are not kept: they are older than the newest one by more than cache_time, '
             f'{cache_text(cache_time)}. Create the buffer with {argument}, or '
-            'TransformBuffer(cache_time=None), which keeps all. This is logged once per buffer')
+            'TransformBuffer(cache_time=None), which keeps all. This is logged once per frame')
 
 
 class ThrottledLog:
     """
-    A log that limits how often it warns of the same cause.
+    A log that warns of the same cause at most once a second.
 
-    Warnings are queued; `flush` writes them. Do not hold a lock while you call `flush`: a handler
-    of the log may look up transforms, and so wait for the lock of a buffer.
+    Warnings are queued; `flush` writes those that are due. Do not hold a lock while you call
+    `flush`: a handler of the log may look up transforms, and so wait for the lock of a buffer.
     """
 
     def __init__(self, write: Callable[[str], object] = _LOGGER.warning) -> None:
         self.write = write  #: writes a warning; another function may be assigned
         #: The earliest monotonic time (s) of the next warning, by cause.
         self._next_times: dict[str, float] = {}
-        #: The causes and frames of `warn`.
+        #: The causes of warnings, each with what it was about.
         self._warned: set[tuple[str, str]] = set()
-        #: The warnings, each with a function that returns the end of its text.
-        self._queue: deque[tuple[str, Callable[[], str]]] = deque()
+        #: Each cause and text, with a function that returns the end of the text.
+        self._queue: deque[tuple[str, str, Callable[[], str]]] = deque()
 
-    def warn(self, child: str, *problems: str, end: Callable[[], str] = str) -> None:
+    def warn(self, cause: str, text: str, about: str = '', end: Callable[[], str] = str) -> None:
         """
-        Queue warnings about a frame, each once per cause, which is the first word.
+        Queue a warning, unless there was one of this cause about the same, such as a frame.
 
-        At most one warning a second is queued per cause. `flush` calls `end`, which returns the
-        end of each text.
+        `flush` calls `end`, which returns the end of the text.
         """
-        child = abbreviated(child)
-        for problem in problems:
-            cause = problem.partition(' ')[0]
-            if (cause, child) not in self._warned and self.is_due(cause):
-                self._queue.append((problem, end))
-                if len(self._warned) >= _MAX_WARNED:
-                    self._warned.clear()
-                self._warned.add((cause, child))
+        warning = cause, abbreviated(about)
+        if warning not in self._warned and len(self._queue) < _MAX_QUEUED:
+            if len(self._warned) >= _MAX_WARNED:
+                self._warned.clear()
+            self._warned.add(warning)
+            self._queue.append((cause, text, end))
 
     def forget(self) -> None:
-        """Let `warn` warn of each frame again."""
+        """Let `warn` warn of everything again."""
         self._warned.clear()
-
-    def warn_once(self, cause: str, problem: str, silence: float = inf,
-                  end: Callable[[], str] = str) -> None:
-        """Queue a warning, unless one of this cause was queued within some time (s)."""
-        if self.is_due(cause, silence):
-            self._queue.append((problem, end))
 
     def is_due(self, cause: str, silence: float = 1.0) -> bool:
         """Return whether a warning may be written; if so, the next is due after `silence` (s)."""
@@ -159,9 +151,10 @@ class ThrottledLog:
         return True
 
     def flush(self) -> None:
-        while self._queue:
-            try:
-                problem, end = self._queue.popleft()
-            except IndexError:  # another thread has written it
-                return
-            self.write(problem + end())
+        for _ in range(len(self._queue)):
+            with suppress(IndexError):  # another thread has written it
+                cause, text, end = self._queue.popleft()
+                if self.is_due(cause):
+                    self.write(text + end())
+                else:
+                    self._queue.append((cause, text, end))

@@ -122,13 +122,13 @@ class QosMonitor:
     def check(self) -> None:
         """Warn of new incompatible publishers, in the words of rclpy, at most once a second."""
         status: Any = self._event and self._event.take_event()
-        if status is not None and status.total_count_change > 0:
+        if status is not None and status.total_count_change > 0 and self._log.is_due(self._topic):
             policy = qos_policy_name_from_kind(status.last_policy_kind)
-            self._log.warn_once(self._topic, (
+            self._log.write(
                 f"New publisher discovered on topic '{self._topic}', offering incompatible QoS. "
                 f'No messages will be received from it. Last incompatible policy: {policy}. '
                 f'Change {policy} of the publisher, or qos or static_qos of the '
-                'TransformListener.'), 1.0)
+                'TransformListener.')
 
     def close(self) -> None:
         """Release the event, which refers to the subscription."""
