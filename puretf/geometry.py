@@ -48,7 +48,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from puretf import rotations
-from puretf._core.composition import compose, normalized
+from puretf._core.pose import compose, normalized
 from puretf._core.pose import Pose as FramePose
 from puretf._text.names import comma_list, quoted
 from puretf.exceptions import described, is_of_rosbags

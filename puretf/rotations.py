@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from transforms3d import euler, quaternions
 
-from puretf._core.composition import signed as signed
 from puretf._core.pose import Quaternion as Quaternion
+from puretf._core.pose import signed as signed
 
 #: The code of a convention of Euler angles, as in K. Shoemake, Euler Angle Conversion, Graphics
 #: Gems IV (1994): first axis (0, 1, 2 for x, y, z); parity (0 if the second axis follows the first

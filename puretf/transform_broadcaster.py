@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from puretf._core.composition import normalize_poses
+from puretf._core.pose import normalize_poses
 from puretf._core.times import nanoseconds_or_int
 from puretf._ros import transform_stamped
 from puretf._ros.messages import TFMessage

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from puretf._core import frames, search, texts
-from puretf._core.composition import matrices
 from puretf._core.engine import Engine
 from puretf._core.frames import Frame
-from puretf._core.pose import Pose
+from puretf._core.pose import matrices, Pose
 from puretf._core.times import int64_times, nanoseconds_or_int
 from puretf._core.velocity import twist
 from puretf._text.times import longer_cache, SECOND

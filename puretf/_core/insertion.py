@@ -12,10 +12,9 @@ import numpy as np
 
 from puretf._causes.explanation import old_data_end, publisher_end
 from puretf._core import texts
-from puretf._core.composition import normalize_poses, normalized
 from puretf._core.history import History, MAX_SAMPLES_PER_STAMP, StaticHistory
 from puretf._core.lookup import Lookups
-from puretf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
+from puretf._core.pose import BatchOrRows, normalize_poses, normalized, Pose, POSE_BYTES, Rows
 from puretf._text.names import is_too_long, LONGEST_NAME
 from puretf._text.times import SECOND
 

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puretf._core import failures, search
-from puretf._core.composition import compose, inverse
 from puretf._core.history import History, NoPose
-from puretf._core.path import Path
-from puretf._core.pose import IDENTITY, Pose
+from puretf._core.pose import compose, IDENTITY, inverse, Pose
 from puretf._core.tree import END, FrameTree
 from puretf.exceptions import TransformException
 
@@ -46,7 +44,7 @@ class Lookups:
         self.tree = tree
         #: The kept paths; the keys are (target frame, source frame). `Insertion` clears this dict
         #: when a frame gets a new parent, or changes between static and dynamic.
-        self.paths: dict[tuple[str, str], Path] = {}
+        self.paths: dict[tuple[str, str], search.Path] = {}
 
     def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
         path = self.paths.get((target, source))
@@ -85,7 +83,7 @@ class Lookups:
         poses[:, ~known] = np.nan
         return poses, known
 
-    def _kept_path(self, target: str, source: str) -> Optional[Path]:
+    def _kept_path(self, target: str, source: str) -> Optional[search.Path]:
         """Return the kept path between two frames; if there is none, try to find and keep one."""
         if (target, source) not in self.paths:
             # A lookup at the latest common time is the most likely to succeed.
@@ -158,7 +156,7 @@ class Lookups:
             failures.check(self.tree, name, 'get_latest_common_time')
         return search.latest_common_time(self.tree, target, source)
 
-    def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
+    def _search(self, target: str, source: str, time: int) -> tuple[int, search.Path]:
         """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
         time = time or search.latest_common_time(self.tree, target, source)
         path = search.path(self.tree, target, source, time)

@@ -3,9 +3,8 @@
 from math import acos, atan2, copysign, floor, hypot, sqrt
 import sys
 
-from puretf._core.composition import compose, inverse, signed
 from puretf._core.lookup import Lookups
-from puretf._core.pose import IDENTITY, Pose
+from puretf._core.pose import compose, IDENTITY, inverse, Pose, signed
 from puretf._text.times import in_seconds, SECOND
 from puretf.exceptions import TransformException
 from puretf.transform import Twist, Vector
