@@ -165,11 +165,10 @@ class TransformListener:
 
     def _surroundings(self) -> Surroundings:
         """Return what the texts of errors use: the clock and the publishers."""
-        tree = None if self._engine is None else self._engine.tree
-        has_data = tree is not None and bool(tree.histories)
-        has_dynamic = tree is not None and bool(tree.dynamic())
-        around = surroundings(
-            self.node, self.subscriptions, has_data, has_dynamic, self._ear.listen)
+        assert self._engine is not None  # the texts are those of its errors
+        tree = self._engine.tree
+        around = surroundings(self.node, self.subscriptions, bool(tree.histories),
+                              bool(tree.dynamic()), self._ear.listen)
         return around._replace(is_new=monotonic() < self._start + _DISCOVERY)
 
     def callback(self, data: TFMessage) -> None:

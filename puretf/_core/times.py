@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from datetime import datetime, timedelta
-from math import isfinite, nan
+from math import isfinite
 from numbers import Integral, Real
 from operator import index
 from typing import Any
@@ -15,8 +15,6 @@ from puretf.exceptions import described
 
 #: The seconds of the times of messages are smaller: they are an int32.
 _MOST_SECONDS = 1 << 31
-#: The arguments that are durations, so a large float is no date.
-_DURATIONS = 'buffer_timeout', 'cache_time', 'interval', 'timeout', 'tolerance'
 
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
@@ -66,19 +64,16 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
 
 
 def _in_nanoseconds(time: Any, name: str) -> str:
-    """Return how a time is written in ns; only a date shows whether a float is in s or in ns."""
+    """Return how a time is written in ns."""
     if isinstance(time, datetime):
         return (f': write {round(time.timestamp() * 10**6) * 1000}' if time.tzinfo else
                 f': write np.datetime64({name}) if it is UTC, or '
                 f'round({name}.timestamp() * 1e6) * 1000 if it is local time')
     if isinstance(time, timedelta):
         return f': write {time // timedelta(microseconds=1) * 1000}'
-    number = float(time) if isinstance(time, Real) else nan
-    if not isfinite(number):
+    if not isinstance(time, Real) or not isfinite(time):
         return ''
-    date = 0.0 if name in _DURATIONS else number * SECOND if 1e8 <= number < 1e10 else number
-    return (f': write {round(date)}, or time.time_ns() for the present' if 1e17 <= date < 2**63
-            else f': write int({name}) if it is in ns, round({name} * 1e9) if it is in s')
+    return f': write int({name}) if it is in ns, round({name} * 1e9) if it is in s'
 
 
 def int64_times(times: 'ArrayLike | Sequence[Any]', name: str) -> NDArray[np.int64]:

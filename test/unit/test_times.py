@@ -39,14 +39,6 @@ def remedy_of(convert, *arguments):
     return str(raised.value).partition(': write ')[2]
 
 
-@pytest.mark.parametrize(('time', 'ns'), [
-    (1.77e9, 1_770_000_000 * S), (1e8, 100_000_000 * S), (1.77e18, 1_770_000_000 * S),
-    (np.float32(2**30), 2**30 * S)])
-def test_a_float_that_is_a_date(time, ns):
-    """Its size shows whether it is in s or in ns."""
-    assert remedy_of(nanoseconds_or_int, time) == f'{ns}, or time.time_ns() for the present'
-
-
 def test_a_datetime_is_refused():
     """Without a zone, Python takes it as local time, and numpy as UTC."""
     time = datetime(2023, 11, 14, 22, 13, 20, 123456)
@@ -60,9 +52,9 @@ def test_a_datetime_is_refused():
     assert remedy_of(nanoseconds_or_int, timedelta(seconds=-1, microseconds=2)) == '-999998000'
 
 
-@pytest.mark.parametrize('number', [0.5, np.float32(0.5), -2.0, 9e7, 1e10, 1e16, 1e20])
+@pytest.mark.parametrize('number', [0.5, np.float32(0.5), -2.0, 1.77e9, 1.77e18])
 def test_a_float_in_an_unknown_unit_is_refused(number):
-    """The text names both; so it does for a duration of any size."""
+    """The text names both units."""
     for name, time in ('time', number), ('interval', 1e8), ('cache_time', 1e18):
         (in_ns, in_s), = re.findall('(.*) if it is in ns, (.*) if it is in s$', remedy_of(
             nanoseconds_or_int, time, name))
