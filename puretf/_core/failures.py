@@ -64,19 +64,16 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
     assert worst is not None
     error = exceptions.ExtrapolationException(texts.extrapolation(
         len(worst), worst.oldest, worst.latest, time, target, source))
-    from_source, from_target, meeting = tree.chains_to_meeting(source, target)
-    if meeting is None:
+    edges = tree.dynamic_edges(source, target)
+    if edges is None:
         return _explained_by_roots(error, tree, target, source)
-    for chain in from_source, from_target:
-        for each in chain:
-            if each == meeting:
-                break
-            if (history := tree.histories[each]) is not None and not history.is_static:
-                # In the second case, the latest time of all edges is the stamp of this one.
-                gap = END if history.is_frozen or (tree.needs_listener and history.latest == time
-                    and now - history.advance > RECENT) else history.distance_to(time)
-                if gap > widest:
-                    child, worst, widest = each, history, gap
+    for each, history in edges:
+        # In the second case, the latest time of all edges is the stamp of this one.
+        gap = END if history.is_frozen or (
+            tree.needs_listener and history.latest == time
+            and now - history.advance > RECENT) else history.distance_to(time)
+        if gap > widest:
+            child, worst, widest = each, history, gap
     if not len(worst):
         return _explained(error, tree, 'cleared', (child,))
     return _explained(
@@ -97,8 +94,7 @@ def unconnected(tree: FrameTree, target: str, source: str, time: int = END
 def _explained_by_roots(error: _Error, tree: FrameTree, target: str, source: str, time: int = END
                         ) -> _Error:
     """Let an error say that two frames have different roots at a time (ns)."""
-    from_source, from_target, _ = tree.chains_to_meeting(source, target, time)
-    roots = [*from_target][-1], [*from_source][-1]
+    roots = [*tree.chain(target, time)][-1], [*tree.chain(source, time)][-1]
     for root in roots[::-1]:
         if (history := tree.histories[root]) is not None and not len(history):
             return _explained(error, tree, 'cleared', (root,))

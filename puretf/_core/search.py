@@ -1,7 +1,7 @@
 """tf2's search for the path between two frames, the poses along it, and its stamps."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise, takewhile
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -164,9 +164,16 @@ class PathEdge(NamedTuple):
 
 def path_edges(tree: FrameTree, target: str, source: str) -> list[PathEdge]:
     failures.check_for_lookup(tree, target_frame=target, source_frame=source)
+    ancestors = tree.all_ancestors(target) | tree.all_ancestors(source)
+    changes = {time for edge in _edges(tree, ancestors) for time in edge.parent_changes()}
+    # In each of these periods, no frame above the two frames changes its parent.
+    periods = [(begin, end, tree.dynamic_edges(source, target, begin))
+               for begin, end in pairwise((-END, *sorted(changes), END))]
+    if all(edges is None for *_, edges in periods):
+        raise failures.unconnected(tree, target, source)
     return [PathEdge(str(edge.parent_near(begin)), child, begin, end - 1,
                      edge.stamps_around(begin, end))
-            for begin, end, edges in _periods(tree, target, source) for child, edge in edges]
+            for begin, end, edges in periods for child, edge in edges or ()]
 
 
 def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
@@ -183,29 +190,6 @@ def stamps(tree: FrameTree, target: str, source: str) -> NDArray[np.int64]:
     result = np.sort(np.concatenate([np.empty(0, np.int64), *parts]), kind='stable')
     is_new: NDArray[np.bool_] = np.diff(result, prepend=result[:1] - 1) != 0
     return result[is_new]
-
-
-def _periods(tree: FrameTree, target: str, source: str
-             ) -> Iterator[tuple[int, int, list[tuple[str, History]]]]:
-    """
-    Yield the periods with a path: the begin, the time after the end, and the dynamic edges.
-
-    In a period, no frame above the two frames changes its parent.
-    """
-    changes = {change for name in tree.all_ancestors(target) | tree.all_ancestors(source)
-               if (history := tree.histories[name]) is not None and not history.is_static
-               for change in history.parent_changes()}
-    is_connected = False
-    for begin, end in pairwise((-END, *sorted(changes), END)):
-        from_source, from_target, meeting = tree.chains_to_meeting(source, target, begin)
-        if meeting is not None:
-            is_connected = True
-            yield begin, end, [
-                (frame, history) for chain in (from_source, from_target)
-                for frame in takewhile(meeting.__ne__, chain)
-                if (history := tree.histories[frame]) is not None and not history.is_static]
-    if not is_connected:
-        raise failures.unconnected(tree, target, source)
 
 
 def has_one_chain(tree: FrameTree, frame: str) -> bool:

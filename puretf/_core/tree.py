@@ -1,5 +1,6 @@
 """The tree of frames: the history of each frame, and the ancestors of a frame."""
 
+from itertools import takewhile
 from operator import ne
 from typing import Any, Optional
 
@@ -150,19 +151,25 @@ class FrameTree:
                 seen.update(history.all_parents)
         return seen
 
-    def chains_to_meeting(self, source: str, target: str, time: int = END
-                          ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
-        """
-        Follow the parents of two frames: those nearest to a time (ns), by default the newest.
+    def chain(self, frame: str, time: int) -> dict[str, None]:
+        """Return a frame and its ancestors by the parents nearest to a time (ns), as keys."""
+        chain: dict[str, None] = {}
+        parent: Optional[str] = frame
+        while parent and parent not in chain:  # or a loop
+            chain[parent] = None
+            history = self.histories[parent]
+            parent = None if history is None else history.parent_near(time)
+        return chain
 
-        Return the chain of each frame as the keys of a dict, and the first frame of the second
-        chain that is in the first one (or None).
+    def dynamic_edges(self, source: str, target: str, time: int = END
+                      ) -> Optional[list[tuple[str, History]]]:
         """
-        chains: tuple[dict[str, None], dict[str, None]] = {}, {}
-        for chain, frame in zip(chains, (source, target)):
-            parent: Optional[str] = frame
-            while parent and parent not in chain:  # or a loop
-                chain[parent] = None
-                history = self.histories[parent]
-                parent = None if history is None else history.parent_near(time)
-        return *chains, next(filter(chains[0].__contains__, chains[1]), None)
+        Return the dynamic frames on the path by the parents nearest to a time (ns).
+
+        By default, these are the newest parents. None: there is no path.
+        """
+        chains = self.chain(source, time), self.chain(target, time)
+        meeting = next(filter(chains[0].__contains__, chains[1]), None)
+        return None if meeting is None else [
+            (frame, history) for chain in chains for frame in takewhile(meeting.__ne__, chain)
+            if (history := self.histories[frame]) is not None and not history.is_static]
