@@ -349,10 +349,9 @@ def _check_names(frame_id: object, child_frame_id: object, authority: object) ->
 def _look(reference: 'ref[Engine]') -> Surroundings:
     """Return the surroundings of a buffer; nothing is known while this thread holds its lock."""
     engine = reference()
-    if engine is None or engine.is_held():
-        return Surroundings()
-    with suppress(Exception):  # the listener has ended, the node is destroyed, ROS shut down
-        return engine.look()
+    if engine is not None and not engine.is_held():
+        with suppress(Exception):  # the listener has ended, the node is destroyed, ROS shut down
+            return engine.look()
     return Surroundings()
 
 

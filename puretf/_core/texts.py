@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 import logging
 from math import isnan
 from time import monotonic
@@ -152,9 +151,11 @@ class ThrottledLog:
 
     def flush(self) -> None:
         for _ in range(len(self._queue)):
-            with suppress(IndexError):  # another thread has written it
+            try:
                 cause, text, end = self._queue.popleft()
-                if self.is_due(cause):
-                    self.write(text + end())
-                else:
-                    self._queue.append((cause, text, end))
+            except IndexError:  # another thread has written it
+                return
+            if self.is_due(cause):
+                self.write(text + end())
+            else:
+                self._queue.append((cause, text, end))
