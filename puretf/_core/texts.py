@@ -10,7 +10,7 @@ from puretf._text.names import abbreviated, visible
 from puretf._text.times import cache_text, display_time
 
 #: The largest number of warnings that are remembered, and of those that wait.
-_MAX_WARNED, _MAX_QUEUED = 1000, 100
+_MAX_WARNED, _MAX_QUEUED = 1000, 20
 _LOGGER = logging.getLogger('puretf')
 
 # The texts of tf2, unchanged.
