@@ -15,6 +15,8 @@ from puretf.exceptions import described
 
 #: The seconds of the times of messages are smaller: they are an int32.
 _MOST_SECONDS = 1 << 31
+#: The arguments that are durations, so that the present is not meant.
+_DURATIONS = 'buffer_timeout', 'cache_time', 'interval', 'timeout', 'tolerance'
 
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
@@ -73,7 +75,9 @@ def _in_nanoseconds(time: Any, name: str) -> str:
         return f': write {time // timedelta(microseconds=1) * 1000}'
     if not isinstance(time, Real) or not isfinite(time):
         return ''
-    return f': write int({name}) if it is in ns, round({name} * 1e9) if it is in s'
+    now = ', or time.time_ns() in place of time.time()' * (
+        float(time) > 1e8 and name not in _DURATIONS)
+    return f': write int({name}) if it is in ns, round({name} * 1e9) if it is in s{now}'
 
 
 def int64_times(times: 'ArrayLike | Sequence[Any]', name: str) -> NDArray[np.int64]:
