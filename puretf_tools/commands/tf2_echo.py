@@ -14,7 +14,7 @@ from puretf_tools.cli.parser import CommandError, frame_name, number, Parser, ru
 from puretf_tools.cli.signals import sleep
 from puretf_tools.cli.times import LATEST, WHEN, When, when
 from puretf_tools.inspection.terminal import fixed_point, Once
-from puretf_tools.source import lookup, source
+from puretf_tools.source import source
 
 if TYPE_CHECKING:
     from puretf_tools.inspection.frame_listener import FrameListener
@@ -81,7 +81,7 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float],
                 print(visible(told))
                 sleep(_LOOKUP_PERIOD)  # until the next transforms arrive
             try:
-                transform = lookup(found.buffer, *ends)
+                transform = found.lookup(*ends)
                 print(format_transform(transform, precision))
                 if note := found.interpolated(source_frame, target_frame, transform.stamp):
                     print(note)

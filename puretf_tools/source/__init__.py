@@ -52,20 +52,19 @@ class Source:
             return self.listener.why_no_transform(target, source, time)
         return why_outside(time, self.span) or self.buffer.why_not(target, source, time)
 
+    def lookup(self, target: str, source: str, time: int) -> Transform:
+        """Return the transform at a time (ns); raise a TransformException if there is none."""
+        if isinstance(self.buffer, TransformBuffer):
+            return self.buffer.lookup_transform(target, source, time)
+        from rclpy.time import Time
+        return Transform.from_message(
+            self.buffer.lookup_transform_core(target, source, Time(nanoseconds=time)))
+
     def interpolated(self, target: str, source: str, time: int) -> str:
         """Say that a pose is interpolated over a hole in a bag; '' if it is not."""
         if self.listener or target == source:
             return ''
         return interpolated(self.buffer, target, source, time, self.span[0])
-
-
-def lookup(buffer: AnyBuffer, target: str, source: str, time: int) -> Transform:
-    """Return the transform at a time (ns); raise a TransformException if there is none."""
-    if isinstance(buffer, TransformBuffer):
-        return buffer.lookup_transform(target, source, time)
-    from rclpy.time import Time
-    return Transform.from_message(
-        buffer.lookup_transform_core(target, source, Time(nanoseconds=time)))
 
 
 @contextmanager

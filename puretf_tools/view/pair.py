@@ -7,10 +7,9 @@ from typing import Any, Optional
 import numpy as np
 import viser
 
-from puretf import SECOND, Transform, TransformException
+from puretf import SECOND, Transform
 from puretf.rotations import euler_from_quaternion
 from puretf_tools.inspection.gaps import AnyBuffer
-from puretf_tools.source import lookup
 from puretf_tools.view.axes_and_trail import poses_over_time, STEP
 from puretf_tools.view.controls import change, copied, FrameChoice, html
 from puretf_tools.view.details import command_line, numbers
@@ -61,12 +60,8 @@ class Pair:
         for choice in self.choices:
             choice.propose('')
         is_pair = a != b and '' not in (a, b)
-        why, self.shown = 'A and B are the same frame.' if a == b != '' else '', None
-        if is_pair:
-            try:
-                self.shown = lookup(buffer, a, b, end)
-            except TransformException as error:
-                why = str(error)
+        why, self.shown = _look_up(buffer, a, b, end) if is_pair else (
+            'A and B are the same frame.' if a == b != '' else '', None)
         change(self._numbers, content=_as_table(self.shown, self._feed.time_text)
                if self.shown else html(why, 'pair'))
         change(self._texts, content=_as_texts(self.shown) if self.shown else '')
@@ -102,6 +97,19 @@ class Pair:
                 plot.data = ((times - self._zero) / SECOND, *columns.T)
             plot.visible = is_visible
         self._span.visible = end is not None
+
+
+def _look_up(buffer: AnyBuffer, a: str, b: str, end: int) -> tuple[str, Optional[Transform]]:
+    """Return why there is no transform, or '' and the transform."""
+    with buffer.updated():
+        if why := buffer.why_not(a, b, end):
+            return why, None
+        if not end:
+            latest = buffer.get_latest_common_time(a, b)
+            end = latest if isinstance(latest, int) else latest.nanoseconds
+        translations, rotations, _ = buffer.lookup_transforms(a, b, [end])
+    return '', Transform(
+        int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
 
 
 def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.GuiUplotHandle:

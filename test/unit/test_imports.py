@@ -25,7 +25,7 @@ MAY_IMPORT = {
        for room, others in {
            'inspection': 'inspection', 'cli': 'cli', 'source': 'inspection cli',
            'robot': 'robot inspection cli',
-           'doctor': 'doctor robot inspection', 'view': 'source view doctor robot inspection cli',
+           'doctor': 'doctor robot inspection', 'view': 'view doctor robot inspection cli',
            'commands': 'source view doctor robot inspection cli'}.items()},
     'dummy_arm': ['dummy_arm', 'puretf', 'puretf_tools.cli', 'puretf_tools.inspection']}
 #: What the tools share with `puretf`, though it is no user's.
