@@ -230,7 +230,6 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`. Return the exit code."""
     parser = Parser(
         'check_arm', 'Check whether an arm meets the requirements of the final task of the lab. '
         'Without arguments, the arm that is running is observed. With files, each file is run as '

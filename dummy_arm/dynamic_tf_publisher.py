@@ -68,7 +68,6 @@ class DynamicTfPublisher(Node):
         return SetParametersResult(successful=True)
 
     def publish(self) -> None:
-        """Publish the current pose of moving_frame in map."""
         self.broadcaster.sendTransform(Transform(
             self.get_clock().now().nanoseconds, 'map', 'moving_frame',
             (cos(self.angle), sin(self.angle), 0.0), self.rotation()).to_message())
@@ -88,7 +87,6 @@ class DynamicTfPublisher(Node):
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'dynamic_tf_publisher', 'Publish map -> moving_frame on /tf, ten times a second, until '
         'Ctrl-C.\nThe frame moves around map on a circle of radius 1 m.',

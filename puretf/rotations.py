@@ -253,7 +253,6 @@ _CODES: dict[Axes, Code] = {key: code for code in product(range(3), range(2), ra
 
 
 def _code_of(axes: Axes) -> Code:
-    """Return the code of a convention, or raise a ValueError."""
     try:
         return _CODES[axes.lower() if isinstance(axes, str) else axes]
     except (KeyError, TypeError):

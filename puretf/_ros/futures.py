@@ -46,7 +46,6 @@ class TransformFuture(Future):
             self._owner.keep(self)
 
     def cancel(self) -> None:
-        """Cancel the future, unless it is done."""
         if self._owner.forget(self):
             super().cancel()  # type: ignore[no-untyped-call]
 

@@ -71,7 +71,6 @@ class Ear:
         self._node, self._heard, self._next = node, tuple[Heard, ...](), 0.0
 
     def listen(self) -> Sequence[Heard]:
-        """Return what was heard last."""
         if monotonic() >= self._next:
             self._next = monotonic() + _DURATION + _PAUSE  # no other thread listens meanwhile
             with suppress(Exception), closing(TransformSampler(self._node, ())) as sampler:

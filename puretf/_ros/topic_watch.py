@@ -82,7 +82,6 @@ class TopicReader(Publishers):
         super().__init__(node, [topic])
 
     def take(self) -> list[ReceivedMessage]:
-        """Take the messages in the queue."""
         last, self._last_take = self._last_take, time_ns()
         messages = [ReceivedMessage.of(*each) for each in self._taker.take(self._depth)]
         if not self._taker.has_reception_times:

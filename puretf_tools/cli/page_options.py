@@ -24,14 +24,12 @@ def add_page_options(parser: Parser) -> None:
 
 
 def port_number(text: str) -> int:
-    """Convert a command-line argument to a port."""
     if not (re.fullmatch('[0-9]{1,5}', text) and 1 <= int(text) <= _LAST_PORT):
         raise ArgumentTypeError(f'a port must be a number from 1 to {_LAST_PORT}, got {text!r}')
     return int(text)
 
 
 def directory(text: str) -> str:
-    """Convert a command-line argument to a directory."""
     if not os.path.isdir(text):  # Path.is_dir raises an error for a name that is too long
         raise ArgumentTypeError(f'there is no directory {text!r}')
     return text

@@ -55,7 +55,6 @@ def add_namespace_option(parser: Parser, what: str, *topics: str) -> None:
 
 
 def number(text: str) -> float:
-    """Convert an argument to a finite number."""
     try:
         value = float(text.replace('_', '?'))  # float would read '1_0' as 10
     except ValueError:

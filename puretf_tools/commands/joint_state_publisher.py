@@ -39,7 +39,6 @@ def command(file: Optional[str], arguments: Mapping[str, str], host: str, port: 
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'joint_state_publisher', 'Publish the positions of the joints of a robot on joint_states, '
         'until Ctrl-C. Sliders on\na page in the browser set them.',

@@ -133,7 +133,6 @@ def command(node: str, name: Optional[str], value: Optional[str], ros_args: Sequ
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'param', 'List the parameters of a running node, print one, or set one.',
         'examples: param dummy_arm\n          param dummy_arm rate\n'

@@ -25,7 +25,6 @@ def command(file: Optional[str], arguments: Mapping[str, str], namespace: str,
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'robot_state_publisher', 'Publish the transforms of a robot, until Ctrl-C: fixed joints '
         'on /tf_static, the others\non /tf as soon as their positions arrive on joint_states.',

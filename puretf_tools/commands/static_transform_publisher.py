@@ -108,7 +108,6 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'static_transform_publisher', 'Publish a static transform on /tf_static until '
         'Ctrl-C. Angles are in radians.',

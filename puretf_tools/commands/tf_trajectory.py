@@ -350,7 +350,6 @@ def _plot(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], holes: NDAr
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'tf_trajectory', 'Write or draw the pose of source_frame in target_frame over time: a row '
         'for each stamp of the dynamic transforms between the two frames.',

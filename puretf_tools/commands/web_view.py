@@ -131,7 +131,6 @@ def _show(host: str, port: Optional[int], meshes: Sequence[str], view: Optional[
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
     parser = Parser(
         'web_view', 'Show the frames of /tf and /tf_static, or of a bag, on a page in the '
         'browser.',

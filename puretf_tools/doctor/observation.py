@@ -329,7 +329,6 @@ def is_in_time(timed: Iterable[Union[Track, MessageTimes]]) -> bool:
 
 
 def total(tracks: Iterable[Track], statistic: str) -> int:
-    """Return the sum of one statistic of tracks."""
     return sum(int(track[statistic]) for track in tracks)
 
 

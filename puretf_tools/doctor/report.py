@@ -31,7 +31,6 @@ class Report(NamedTuple):
 
     @property
     def has_errors(self) -> bool:
-        """True if a finding is an error."""
         return any(finding.severity == ERROR for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:

@@ -33,7 +33,6 @@ class StampClock:
         self._arrivals, self._times, self._lock = array('q'), array('q'), Lock()
 
     def add(self, arrival: int, time: int) -> None:
-        """Add a message of /clock."""
         with self._lock:
             if len(self._times) > _MOST:
                 del self._arrivals[:_MOST // 2], self._times[:_MOST // 2]

@@ -27,7 +27,6 @@ def show(lines: Sequence[str]) -> None:
 
 
 def is_terminal() -> bool:
-    """Return True if stdout is a terminal."""
     return sys.stdout.isatty()
 
 

@@ -58,7 +58,6 @@ class Joint(NamedTuple):
 
     @property
     def is_movable(self) -> bool:
-        """True for revolute, continuous and prismatic joints."""
         return self.kind in ('revolute', 'continuous', 'prismatic')
 
     def pose_at(self, position: float) -> Pose:

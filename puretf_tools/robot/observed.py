@@ -42,7 +42,6 @@ class Robot(NamedTuple):
 
 
 def parsed(text: str) -> DescriptionOrWhy:
-    """Parse a URDF text."""
     try:
         return parse(text)
     except DescriptionError as error:

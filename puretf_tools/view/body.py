@@ -158,7 +158,6 @@ class Body:
 
     def _add(self, shape: Shape, mesh: Union[Mesh, MeshError, None], robot: _Robot, part: _Part
              ) -> None:
-        """Add a shape to the node of its part."""
         part.shapes.remove(shape)
         kind, size, rgba = shape.kind, _within_reach(shape.size), shape.rgba or _DEFAULT
         if isinstance(mesh, Mesh):

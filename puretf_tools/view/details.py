@@ -91,7 +91,6 @@ def details(placement: Placement, name: str, feed: Feed, buffer: AnyBuffer) -> s
 
 
 def rate_text(placement: Placement, name: str) -> str:
-    """Return the rate of a frame, or why it has none."""
     frame = placement.frames.get(name)
     if name in placement.late:
         return f'silent for {placement.late[name]:.0f} s'
@@ -123,7 +122,6 @@ def _row(key: str, label: str, value: str, title: str = '') -> str:
 
 
 def numbers(key: str, label: str, values: Iterable[float], digits: int) -> str:
-    """Return a row of numbers."""
     cells = ''.join(f'<td>{fixed_point(value, digits)}</td>' for value in values)
     return f'<tr class="tf-numbers" data-value="{key}"><th>{label}</th>{cells}</tr>'
 

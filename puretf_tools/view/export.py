@@ -35,7 +35,6 @@ class Animation:
 
     @property
     def duration(self) -> float:
-        """The time from the first moment to the last one (s)."""
         return self.moments[-1][0] - self.moments[0][0] if self.moments else 0.0
 
     def add(self, time: float, until: int = 0) -> None:
