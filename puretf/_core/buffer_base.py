@@ -23,12 +23,12 @@ _CHUNK = 2500
 _LATEST: Any = 0
 _NO_WAIT: Any = 0
 #: The types of a buffer: of the times and durations of its lookups, and what a lookup returns.
-_Time = TypeVar('_Time')
-_Duration = TypeVar('_Duration')
-_Answer = TypeVar('_Answer')
+TimeT = TypeVar('TimeT')
+DurationT = TypeVar('DurationT')
+TransformT = TypeVar('TransformT')
 
 
-class BufferBase(Generic[_Time, _Duration, _Answer]):
+class BufferBase(Generic[TimeT, DurationT, TransformT]):
     """
     The methods that all buffers share.
 
@@ -141,8 +141,8 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
         """
         return self._engine.reading()
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: _Time = _LATEST,
-                         timeout: _Duration = _NO_WAIT) -> _Answer:
+    def lookup_transform(self, target_frame: str, source_frame: str, time: TimeT = _LATEST,
+                         timeout: DurationT = _NO_WAIT) -> TransformT:
         """
         Return the pose of the source frame in the target frame.
 
@@ -156,12 +156,12 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
         """
         stamp, pose = self._engine.wait(
             [time], self._seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
-            self._ns(time))
+            0 if time is _LATEST else self._ns(time))
         return self._answer(target_frame, source_frame, stamp, pose)
 
     def lookup_transform_full(
-            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
-            fixed_frame: str, timeout: _Duration = _NO_WAIT) -> _Answer:
+            self, target_frame: str, target_time: TimeT, source_frame: str, source_time: TimeT,
+            fixed_frame: str, timeout: DurationT = _NO_WAIT) -> TransformT:
         """
         Return the pose of the source frame at one time, in the target frame at another time.
 
@@ -186,18 +186,18 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
 
     @overload
     def can_transform(
-            self, target_frame: str, source_frame: str, time: _Time = _LATEST,
-            timeout: _Duration = _NO_WAIT, return_debug_tuple: Literal[False] = False
+            self, target_frame: str, source_frame: str, time: TimeT = _LATEST,
+            timeout: DurationT = _NO_WAIT, return_debug_tuple: Literal[False] = False
             ) -> bool: ...
 
     @overload
     def can_transform(
-            self, target_frame: str, source_frame: str, time: _Time = _LATEST,
-            timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False) -> Any: ...
+            self, target_frame: str, source_frame: str, time: TimeT = _LATEST,
+            timeout: DurationT = _NO_WAIT, return_debug_tuple: bool = False) -> Any: ...
 
     def can_transform(
-            self, target_frame: str, source_frame: str, time: _Time = _LATEST,
-            timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False
+            self, target_frame: str, source_frame: str, time: TimeT = _LATEST,
+            timeout: DurationT = _NO_WAIT, return_debug_tuple: bool = False
             ) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform` would return a transform.
@@ -210,25 +210,26 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._error_of([time], self._seconds(timeout), self._engine.lookups.check,
-                               target_frame, source_frame, self._ns(time))
+        error = self._error_of(
+            [time], self._seconds(timeout), self._engine.lookups.check, target_frame,
+            source_frame, 0 if time is _LATEST else self._ns(time))
         return _debug_tuple(error) if return_debug_tuple else error is None
 
     @overload
     def can_transform_full(
-            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
-            fixed_frame: str, timeout: _Duration = _NO_WAIT,
+            self, target_frame: str, target_time: TimeT, source_frame: str, source_time: TimeT,
+            fixed_frame: str, timeout: DurationT = _NO_WAIT,
             return_debug_tuple: Literal[False] = False) -> bool: ...
 
     @overload
     def can_transform_full(
-            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
-            fixed_frame: str, timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False
+            self, target_frame: str, target_time: TimeT, source_frame: str, source_time: TimeT,
+            fixed_frame: str, timeout: DurationT = _NO_WAIT, return_debug_tuple: bool = False
             ) -> Any: ...
 
     def can_transform_full(
-            self, target_frame: str, target_time: _Time, source_frame: str, source_time: _Time,
-            fixed_frame: str, timeout: _Duration = _NO_WAIT, return_debug_tuple: bool = False
+            self, target_frame: str, target_time: TimeT, source_frame: str, source_time: TimeT,
+            fixed_frame: str, timeout: DurationT = _NO_WAIT, return_debug_tuple: bool = False
             ) -> Union[bool, tuple[bool, str]]:
         """
         Return whether `lookup_transform_full` would return a transform.
@@ -464,7 +465,7 @@ class BufferBase(Generic[_Time, _Duration, _Answer]):
 
     _ns: Any = staticmethod(nanoseconds_or_int)
 
-    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> _Answer:
+    def _answer(self, target: str, source: str, stamp: int, pose: Pose) -> TransformT:
         raise NotImplementedError
 
     def _seconds(self, timeout: Any) -> float:

@@ -104,6 +104,17 @@ def test_answers_with_the_message():
     assert (translations[0, 0], known.tolist()) == (84.0, [True, False])
 
 
+def test_without_a_time():
+    """A lookup is at the latest time; other numbers than the default are refused."""
+    buffer = Buffer()
+    buffer.set_transform(stamped(), 'test')
+    assert buffer.lookup_transform('map', 'tool').header.stamp == T.to_msg()
+    assert buffer.can_transform('map', 'tool') is True
+    assert buffer.can_transform('map', 'nothing', return_debug_tuple=True)[0] is False
+    with pytest.raises(TypeError, match=r'write Time\(seconds=1\)'):
+        buffer.lookup_transform('map', 'tool', 1)
+
+
 def test_a_frame_must_be_a_str():
     """It is refused at once, not when the future is awaited."""
     buffer = Buffer()
