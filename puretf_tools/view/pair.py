@@ -85,13 +85,12 @@ class Pair:
                 begin, end = player.begin, player.end
             times, poses = poses_over_time(
                 buffer, *self.frames, begin, end, max(STEP, (end - begin) // _MOST_POINTS))
-            values = np.full((len(poses), 6), np.nan)
-            for value, pose in zip(values, poses):
-                if not np.isnan(pose[6]):
-                    value[:3], value[3:] = pose[:3], np.degrees(euler_from_quaternion(pose[3:]))
-            values[np.isinf(values)] = np.nan
+            known = np.isfinite(poses).all(axis=1)
+            times, values = times[known], np.array([
+                (*pose[:3], *np.degrees(euler_from_quaternion(pose[3:]))) for pose in poses[known]
+                ]).reshape(-1, 6)
             self._zero = player.begin if player else end
-        is_visible = not np.isnan(values).all()
+        is_visible = len(values) > 0
         for plot, columns in zip(self._plots, (values[:, :3], values[:, 3:])):
             if is_visible:
                 plot.data = ((times - self._zero) / SECOND, *columns.T)
@@ -116,8 +115,8 @@ def _add_plot(gui: viser.GuiApi, title: str, labels: Iterable[str]) -> viser.Gui
     """
     Add a hidden plot of three values over time.
 
-    The values are drawn as dots. A line of uPlot would cross the times without a transform, since
-    it has gaps at null only, and viser sends NaN; and it would jump where an angle passes 180°.
+    The values are drawn as dots. A line would cross the times without a transform, which are left
+    out, since uPlot draws nothing if a value is NaN; and it would jump where an angle passes 180°.
     """
     series = [{'label': label, 'stroke': colour, 'width': 0, 'points': {
         'show': True, 'size': 2, 'space': 0, 'width': 1, 'stroke': colour, 'fill': colour}}

@@ -231,9 +231,8 @@ class Viewer:
         panel = self._panel
         if not panel.is_paused:
             self._buffer, self._place_paused = self._feed.buffer, None
-        elif not self._place_paused and (newest := _newest(self._feed.buffer)):
-            self._buffer = TransformBuffer.copy_of(
-                self._feed.buffer, max(1, newest - LENGTH * SECOND))
+        elif not self._place_paused and _newest(self._feed.buffer):
+            self._buffer = TransformBuffer.copy_of(self._feed.buffer)
             self._place_paused = lru_cache(1)(FrameWatcher(self._buffer).placement)
         self._until = max(1, _newest(self._buffer) - round(panel.back.value * SECOND)) if (
             self._place_paused) else until

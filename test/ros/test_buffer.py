@@ -112,7 +112,7 @@ def test_without_a_time():
     assert buffer.can_transform('map', 'tool') is True
     assert buffer.can_transform('map', 'nothing', return_debug_tuple=True)[0] is False
     with pytest.raises(TypeError, match=r'write Time\(seconds=1\)'):
-        buffer.lookup_transform('map', 'tool', 1)
+        buffer.lookup_transform('map', 'tool', 1)  # type: ignore[arg-type]
 
 
 def test_a_frame_must_be_a_str():

@@ -133,7 +133,7 @@ def test_the_numbers_of_a_pair(shown, buffer):
 
 
 def test_the_values_of_the_last_20_s(shown, buffer):
-    """The plots end at the time shown, and are NaN where there is no transform."""
+    """The plots end at the time shown, and have nothing where there is no transform."""
     for i in range(201):
         t = i / 10.0
         yaw = 0.3 * t  # passes 180° at 10.5 s
@@ -144,11 +144,11 @@ def test_the_values_of_the_last_20_s(shown, buffer):
     shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
     shown.receive_all()
     (seconds, x, y, z), (same_seconds, roll, pitch, yaw) = shown.plotted()
-    assert (seconds[0], seconds[-1], len(seconds)) == (-20.0, 0.0, 401)
     assert seconds.tolist() == same_seconds.tolist()
     t = np.round(seconds + 15.0, 3)
-    assert np.isnan(shown.plotted()[:, 1:, (t < 0.0) | (t >= 5.1) & (t < 9.9)]).all()
-    is_known = (t >= 0.0) & (t <= 5.0) | (t >= 10.0)
+    assert {*t} >= {*np.arange(0, 5.001, 0.05).round(3), *np.arange(10, 15.001, 0.05).round(3)}
+    assert ((t >= 0.0) & (t < 5.1) | (t >= 9.9) & (t <= 15.0)).all()
+    is_known = (t <= 5.0) | (t >= 10.0)
     degrees = np.degrees(0.3 * t)
     for values, expected in ((x, t), (y, 0.0 * t), (z, -t), (roll, 0.0 * t), (pitch, 0.0 * t),
                              (yaw, np.where(degrees > 180.0, degrees - 360.0, degrees))):
@@ -208,7 +208,9 @@ def test_a_pair_that_is_far(shown, buffer, x):
         buffer.insert(0, parent, child, (x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), is_static=True)
     shown.choose('map', 'base')
     assert shown.rows()[0] == ['all times']
-    shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
     shown.receive_all()
-    assert not np.isinf(shown.plotted()).any()
-    assert {*shown.plotted()[1, 3].tolist()} == {0.0}
+    is_finite = x == 1e300  # the sum of two of them
+    assert [plot['visible'] for plot in shown.plots()] == [is_finite] * 2
+    if is_finite:
+        assert np.isfinite(shown.plotted()).all()
+        assert {*shown.plotted()[1, 3].tolist()} == {0.0}
