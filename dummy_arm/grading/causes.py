@@ -208,7 +208,8 @@ def of_position(edge: SheetFrame, positions: Floats, position: Floats) -> str:
         return f'The distance is right, but not the direction: {edge.name} is {edge.place}.'
     for other in SHEET[1:]:
         if is_near(position, other.position):
-            return f'This is the position of {other.name}: the positions are at the wrong frames.'
+            return (f'On the sheet, this is the position of {other.name}: are positions at wrong '
+                    'frames?')
     from_base = np.sum([other.position for other in SHEET[:SHEET.index(edge) + 1]], axis=0)
     if is_near(position, from_base):
         return (f'This is the position in base_link. A transform has the position in the parent, '
@@ -340,7 +341,7 @@ def of_speeds(speeds: Sequence[float]) -> str:
     for speed, joint in reversed([*zip(speeds, JOINTS)]):
         if speed > _OTHER_UNIT * joint.speed:
             return f'{joint.name} is much too fast: {UNIT_OF_TIME}'
-    return 'The order of the speeds is wrong: joint_1 is the slowest, joint_3 is the fastest.'
+    return 'The order of the speeds is wrong: joint_1 must be the slowest, joint_3 the fastest.'
 
 
 def metres(position: Iterable[float]) -> str:

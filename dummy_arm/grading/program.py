@@ -53,7 +53,8 @@ _LAUNCH = re.compile(r'^\s*<launch\b|^launch:|^def generate_launch_description\(
 _TRACEBACK = 'Traceback (most recent call last):'
 #: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace, or in the only
 #: folder that has one, as in an archive that was unpacked.
-_PLACES = ('', 'dummy_arm/', 'dummy_arm/dummy_arm/', 'src/dummy_arm/dummy_arm/', '*/')
+_PLACES = ('', 'dummy_arm/', 'dummy_arm/dummy_arm/', 'src/dummy_arm/dummy_arm/', '*/',
+           '*/src/dummy_arm/dummy_arm/')
 
 
 class ProgramError(CommandError):
@@ -178,8 +179,8 @@ class Program:
         code = self._process.poll()
         size = os.fstat(self._output).st_size
         if size > _LONGEST_OUTPUT:
-            raise ProgramError(
-                f'It prints more than {_LONGEST_OUTPUT // 10**6} MB: leave out print().')
+            raise ProgramError(f'It prints more than {_LONGEST_OUTPUT // 10**6} MB: leave out '
+                               'print(), or end its loop.')
         output = os.pread(self._output, _PART, max(0, size - _PART))  # the newest
         if code is None and _TRACEBACK.encode() not in output:
             return

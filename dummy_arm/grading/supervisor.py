@@ -89,7 +89,8 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
             processes.end_descendants()
             raise ProgramError(f'It starts more than {_MOST_PROCESSES} processes.')
         if sum(each.info['memory_info'].rss for each in found) > _MOST_MEMORY:
-            raise ProgramError(f'It uses more than {_MOST_MEMORY // 2**30} GiB of memory.')
+            raise ProgramError(f'It uses more than {_MOST_MEMORY // 2**30} GiB of memory, with '
+                               'all that it has started.')
         next_scan = time.monotonic() + _SCAN_INTERVAL
         return False
 

@@ -227,7 +227,7 @@ CHAOS = {
     'endless_line.py': HandIn(limited("""
         while True:
             sys.stdout.write('x' * 2**16)
-        """), 'not ok', r'It prints more than 100 MB: leave out print\(\)\.$'),
+        """), 'not ok', r'It prints more than 100 MB: leave out print\(\), or end its loop\.$'),
     'floods.py': HandIn(limited('') + program(
         ('        self.broadcaster.sendTransform([',
          '        while True:\n            self.broadcaster.sendTransform(1000 * ['),

@@ -247,7 +247,8 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
             Path(name).write_bytes(content)
     for name, program, drawing in (
             ('folder', 'src/dummy_arm/dummy_arm/dummy_arm.py', 'frames.pdf'),
-            ('with_report', 'dummy_arm.py', 'report/frames.pdf')):
+            ('with_report', 'ros2_ws/src/dummy_arm/dummy_arm/dummy_arm.py',
+             'report/frames.pdf')):
         for path in Path(name, program), Path(name, drawing):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text('print(')
