@@ -108,7 +108,8 @@ def _executor_blocked(facts: Facts) -> Iterator[Evidence]:
         found = {node for node, each in waited.blocked.items()
                  if edge.silence >= waited.seconds * SECOND and (
                      node == of_edge or (not of_edge and edge.child in each.children))}
-    if found and found <= waited.blocked.keys():
+    if found and found <= waited.blocked.keys() and (
+            edge.child or around.nodes(around.topics[-1])):  # a static transform was sent already
         node = min(found)
         who = 'this node' if node == around.node else shortened(node)
         yield Evidence(f'{what} {who}, which {waited.blocked[node].why}',

@@ -291,6 +291,11 @@ FAULTY = [
                 waited=0.01),
          Lookup('odom', 'tool', ['executor_blocked'], ('Nobody publishes on /tf but this node',),
                 waited=0.01)]),
+    Situation('a node that nobody spins has sent static transforms only', World(
+        [Sender('/driver', ['base_link laser'], topic='/tf_static', rate=0.0)], has_gids=True,
+        node='/driver', blocked={'/driver': Blocked(
+            'cannot while nothing spins it', 'Spin it in a thread.', ())}),
+        [Lookup('base_link', 'camera', [], ('does not exist',), waited=0.01)]),
     Situation('a publisher has ended', World(
         [DRIVER._replace(end=-5.0, has_ended=True)], has_gids=True),
         [Lookup('odom', 'base_link', ['gap'],

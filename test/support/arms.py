@@ -211,7 +211,8 @@ WRONG = {
         '(0, 0, 0)': changed(positions=_at(0, (0.0, 0.0, 0.3))),
         'must not be rotated': changed(rotation=_edge(0, lambda _: (0.0, 0.0, 0.6, 0.8)))},
     'joint_2 is 0.4 m along x': {
-        'On the sheet, this is the position of joint_3': changed(positions=_at(2, Arm.positions[3]))},
+        'On the sheet, this is the position of joint_3': changed(
+            positions=_at(2, Arm.positions[3]))},
     'joint_1 is 0.3 m along z': {'not the direction': changed(positions=_at(1, (0.3, 0.0, 0.0)))},
     'joint_2 is 0.4 m': {
         'centimetres': changed(positions=_at(2, (40.0, 0.0, 0.0))),
