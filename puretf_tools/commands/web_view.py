@@ -10,7 +10,8 @@ from threading import Thread
 from typing import Optional
 
 from puretf import TransformBuffer
-from puretf._text.names import namespace_path, visible
+from puretf._text.names import namespace_path, quoted, visible
+from puretf._text.similar_names import suggest_names
 from puretf.bag import Bag
 from puretf_tools.cli.bag_options import add_bag_options, BagOption
 from puretf_tools.cli.files import path_to_write, whole_file
@@ -103,6 +104,10 @@ def _export(feed: Feed, seconds: float, meshes: Sequence[str], path: Path) -> No
     animation.record(seconds)
     if not animation.moments:
         raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
+    names = tuple(feed.buffer.frame_names())
+    if feed.follow and feed.follow not in names:
+        raise CommandError(f'cannot follow {quoted(feed.follow)}: there is no such frame. '
+                           f'{suggest_names(feed.follow, names)}')
     duration = animation.duration
     with progress(duration, desc='making the page', bar_format=BAR) as on_progress:
         page = animation.as_html(on_progress)

@@ -393,6 +393,15 @@ def test_a_bag_without_frames_to_show(bags, failed, tmp_path):
     assert not path.exists()
 
 
+def test_an_export_that_follows_nothing(bags, failed, tmp_path):
+    """The name is told, and what is like it."""
+    bag, path = bags.make(tmp_path / 'bag', 'mcap', bags.walk(1)), tmp_path / 'walk.html'
+    code, error = failed(main, '--bag', str(bag), '--export', str(path), '--follow', 'base_lnik')
+    assert (code, path.exists()) == (1, False)
+    assert error == ("web_view: cannot follow 'base_lnik': there is no such frame. "
+                     "Nearest known: 'base_link'.\n")
+
+
 def test_an_export_of_a_bag(bags, capsys, tmp_path):
     """The file has all of the bag, or as many seconds as are asked for."""
     bag, path = bags.make(tmp_path / 'bag', 'mcap', bags.walk(4)), tmp_path / 'walk.html'
