@@ -20,7 +20,7 @@ _FEW = 16
 
 #: An edge, as seen from one of its two frames. The items are: the name of the other frame; True if
 #: the other frame is the child; the history of the child.
-_Edge = tuple[str, bool, History]
+_Neighbour = tuple[str, bool, History]
 #: A time (ns), and the pose at this time. If the time is 0, the pose holds at all times. If there
 #: is no pose at this time, the second item is None.
 _TimedPose = tuple[int, Optional[Pose]]
@@ -170,14 +170,14 @@ class Lookups:
                   children: Optional[Container[str]] = None
                   ) -> list[dict[str, tuple[int, Pose]]]:
         """Compute what `BufferBase.lookup_all` returns, as times and poses."""
-        edges: dict[str, list[_Edge]] = {}
+        edges: dict[str, list[_Neighbour]] = {}
         for (child, parent, *_), history in self.tree.frames(until):
             if children is None or child in children:
                 edges.setdefault(parent, []).append((child, True, history))
                 edges.setdefault(child, []).append((parent, False, history))
         return [self._all_poses(edges, target, until) for target in targets]
 
-    def _all_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
+    def _all_poses(self, edges: dict[str, list[_Neighbour]], target: str, until: int
                    ) -> dict[str, tuple[int, Pose]]:
         """Walk the tree from a target frame, breadth first, and compute the pose of each frame."""
         if target not in self.tree.histories:

@@ -18,7 +18,7 @@ from puretf._causes.facts import OTHER_CLOCK
 from puretf._text.times import SECOND
 from puretf.bag import Headers
 from puretf.transform_buffer import CACHE_TIME
-from puretf_tools.doctor.stream import Edge, NEVER, Stream
+from puretf_tools.doctor.stream import Availability, NEVER, Stream
 from puretf_tools.inspection.stamp_clock import StampClock
 from puretf_tools.inspection.traffic import LATEST
 
@@ -110,8 +110,8 @@ class MessageTimes(NamedTuple):
 
 
 def judge(topic: str, headers: Headers,
-          edges_above: Callable[[str], Optional[Mapping[Edge, str]]], span: tuple[int, int],
-          clock: Optional[StampClock]) -> MessageTimes:
+          edges_above: Callable[[str], Optional[Mapping[Availability, str]]],
+          span: tuple[int, int], clock: Optional[StampClock]) -> MessageTimes:
     """
     Judge the messages of a topic.
 
@@ -142,8 +142,9 @@ def judge(topic: str, headers: Headers,
         Stream(arrivals, stamps, times), verdicts, waits, edge_numbers, all_children)
 
 
-def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: Sequence[Edge],
-              span: tuple[int, int]) -> tuple[_Array, _Array, _Array]:
+def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array],
+              edges: Sequence[Availability], span: tuple[int, int]
+              ) -> tuple[_Array, _Array, _Array]:
     """Return verdicts, waits and the index of the edge that was waited for; see `judge`."""
     ready, slowest = arrivals.copy(), np.zeros_like(stamps)
     for i, edge in enumerate(edges):
@@ -174,6 +175,6 @@ def _verdicts(stamps: _Array, arrivals: _Array, times: Optional[_Array], edges: 
     return np.where(may_come, Verdict.NOT_JUDGED, verdicts), waits, slowest
 
 
-def _needed_cache(edges: Iterable[Edge], stamps: _Array, times: _Array) -> _Array:
+def _needed_cache(edges: Iterable[Availability], stamps: _Array, times: _Array) -> _Array:
     needed = [edge.needed_cache(stamps, times) for edge in edges]
     return np.asarray(np.max([np.zeros_like(stamps), *needed], axis=0))

@@ -17,7 +17,7 @@ from puretf._text.times import exact_time, SECOND
 from puretf.bag import Bag, BagMessage, Headers, NOT_RECORDED
 from puretf.transform_buffer import CACHE_TIME
 from puretf_tools.doctor.message_times import judge, MessageTimes
-from puretf_tools.doctor.stream import Edge, FEWEST, GAP, NEVER, SHORTEST_GAP, Stream
+from puretf_tools.doctor.stream import Availability, FEWEST, GAP, NEVER, SHORTEST_GAP, Stream
 from puretf_tools.doctor.tf_statistics import Statistics, Track
 from puretf_tools.inspection.feeds import Sender
 from puretf_tools.inspection.gaps import in_words
@@ -265,14 +265,14 @@ class Observation:
         return [judge(topic, headers, self._edges_above, span, clock)
                 for topic, headers in sorted(self.own_headers.items())]
 
-    def _edges_above(self, frame: str) -> Optional[dict[Edge, str]]:
+    def _edges_above(self, frame: str) -> Optional[dict[Availability, str]]:
         """Return the dynamic edges from a frame to its root, and their children; None: no tree."""
         name = frame.removeprefix('/')
         path = self.facts.buffer.chain(name)
         if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
             return None
         # Edges whose transforms always arrive together are judged once.
-        edges: dict[Edge, str] = {}
+        edges: dict[Availability, str] = {}
         for child in path:
             stream = self.stream(child)
             if not all(track.is_static for track in self.by_child.get(child, ())):

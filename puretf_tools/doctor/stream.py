@@ -45,7 +45,7 @@ class Step(NamedTuple):
     at: int = 0  #: the index of that
 
 
-class Edge:
+class Availability:
     """Transforms as a listener receives them."""
 
     def __init__(self, arrivals: _Array, stamps: _Array) -> None:
@@ -179,9 +179,9 @@ class Stream:
             map(self.has_many, ('late', 'future', 'foreign')))
 
     @cached_property
-    def edge(self) -> Edge:
+    def edge(self) -> Availability:
         """The same as a listener receives it; there must be at least one."""
-        return Edge(self.arrivals, self.stamps)
+        return Availability(self.arrivals, self.stamps)
 
     def is_hole(self, at: int) -> bool:
         """Return True if nothing has arrived during a step, given by the index before it."""
