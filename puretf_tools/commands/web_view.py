@@ -37,6 +37,8 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         raise UsageError('--time needs --export')
     show = partial(_show, host, port, meshes, view)
     path = None if export is None else path_to_write(export, ['.html'])
+    if not bag:  # that ROS is missing is said first
+        from puretf_tools.cli.node import spinning_node
     from puretf_tools.view import viser_private  # noqa: F401  (it says if viser is missing)
     if bag:
         feed = BagFeed(TransformBuffer(2**63 - 1, max_samples=None), Path(bag.paths[0]).name)
@@ -49,7 +51,6 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[BagOptio
         else:
             _show_bag(bag, feed, show)
     else:
-        from puretf_tools.cli.node import spinning_node
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             live.follow = follow
