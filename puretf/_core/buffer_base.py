@@ -298,9 +298,10 @@ class BufferBase(Generic[TimeT, DurationT, TransformT]):
         """
         times = int64_times(times, 'times')
         poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
-        order = np.argsort(times, kind='stable')  # sorted times are found faster
+        is_sorted = (times[1:] >= times[:-1]).all()
+        order = np.argsort(times)  # sorted times are found faster
         for begin in range(0, len(times), _CHUNK):
-            part = order[begin:begin + _CHUNK]
+            part: Any = slice(begin, begin + _CHUNK) if is_sorted else order[begin:begin + _CHUNK]
             with self._engine.reading():
                 columns, known[part] = self._engine.lookups.poses(
                     target_frame, source_frame, times[part])

@@ -78,10 +78,11 @@ class Insertion:
             return True
         if history is None or history.is_static:
             histories[child] = history = History(self._tree.cache_time)
-        length, before = len(history), history.latest
+        stamps, length = history.stamps, len(history)
+        before = stamps[-1] if stamps else 0
         is_accepted = history.insert(stamp, parent, pose, authority)
         self._room += length - (length := len(history))
-        history.note_arrival(monotonic_ns(), history.latest != before)
+        history.note_arrival(monotonic_ns(), stamps[-1] != before)
         if not is_accepted:
             self.log.warn('TF_OLD_DATA', texts.old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), child, partial(

@@ -1,8 +1,9 @@
 """tf2's search for the path between two frames, the poses along it, and its stamps."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import reduce
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,7 @@ class Path:
 
     def pose(self, time: int) -> Pose:
         """Compute the pose of the source frame at a time (ns; 0: each edge's newest)."""
-        return _composed([edge.pose_at(time) for edge in self.from_source],
-                         [edge.pose_at(time) for edge in self.from_target])
+        return self._composed(_pose_along, time)
 
     def poses(self, times: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """
@@ -59,24 +59,30 @@ class Path:
             return np.empty((7, len(times))), known
         neighbours = Neighbours(times if known.all() else np.where(known, times, begin))
         with np.errstate(invalid='ignore', over='ignore'):
-            columns = _composed([edge.poses_at(neighbours) for edge in self.from_source],
-                                [edge.poses_at(neighbours) for edge in self.from_target])
+            columns = self._composed(_columns_along, neighbours)
         return np.array([np.broadcast_to(column, len(times)) for column in columns]), known
 
+    def _composed(self, along: Callable[[Sequence[History], Any], Columns], at: Any) -> Columns:
+        """Compose the poses along both sides; a pose is one, or columns of many."""
+        if not self.from_target:
+            return along(self.from_source, at)
+        target_from_top = inverse(along(self.from_target, at))
+        return compose(target_from_top, along(self.from_source, at)) if (
+            self.from_source) else target_from_top
 
-def _composed(from_source: Sequence[Columns], from_target: Sequence[Columns]) -> Columns:
-    """Compose the poses of the edges, each upwards; each is one pose, or columns."""
-    if not from_target:
-        return _along(from_source) if from_source else IDENTITY
-    target_from_top = inverse(_along(from_target))
-    return compose(target_from_top, _along(from_source)) if from_source else target_from_top
+
+def _pose_along(edges: Sequence[History], time: int) -> Pose:
+    """Compute the pose of the lowest frame in the highest; the edges go upwards."""
+    pose: Optional[Pose] = None
+    for edge in edges:
+        step = edge.pose_at(time)
+        pose = compose(step, pose) if pose else step
+    return pose or IDENTITY
 
 
-def _along(steps: Sequence[Columns]) -> Columns:
-    pose, *rest = steps
-    for step in rest:
-        pose = compose(step, pose)
-    return pose
+def _columns_along(edges: Sequence[History], neighbours: Neighbours) -> Columns:
+    steps = [edge.poses_at(neighbours) for edge in edges]
+    return reduce(lambda lower, step: compose(step, lower), steps) if steps else IDENTITY
 
 
 def path(tree: FrameTree, target: str, source: str, time: int) -> Path:
