@@ -338,7 +338,7 @@ def of_speeds(speeds: Sequence[float]) -> str:
     for (first, speed), (second, other) in combinations(zip(JOINTS, speeds), 2):
         if max(speed, other) < DIFFERENT * min(speed, other):
             return f'{first.name} and {second.name} have the same speed.'
-    for speed, joint in reversed([*zip(speeds, JOINTS)]):
+    for speed, joint in zip(speeds, JOINTS):
         if speed > _OTHER_UNIT * joint.speed:
             return f'{joint.name} is much too fast: {UNIT_OF_TIME}'
     return 'The order of the speeds is wrong: joint_1 must be the slowest, joint_3 the fastest.'

@@ -156,6 +156,11 @@ FAULTY = [
         Sender('/rosbag2_player', topic='/tf_static')]),
         [Lookup('odom', 'laser', ['silent_publisher'],
                 ('publishers of /rosbag2_player on /tf_static', 'start offset'))]),
+    Situation('2.11 the same beside a localiser before its first pose', World([
+        Sender('/rosbag2_player', ['odom base_link']), Sender('/amcl'),
+        Sender('/rosbag2_player', topic='/tf_static')]),
+        [Lookup('odom', 'laser', ['silent_publisher'],
+                ('publishers of /rosbag2_player on /tf_static: a start offset',))]),
     Situation('2.12 volatile statics', World([DRIVER, LASER._replace(lacks='transient local')]),
               [Lookup('odom', 'laser', ['static_not_latched'], ('/rsp', 'not transient local'))],
               after=[ROBOT]),

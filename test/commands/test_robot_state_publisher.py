@@ -243,3 +243,16 @@ def test_arguments_without_a_file_of_xacro(domain_id, arguments, message):
     code, output, error = call(main, *arguments, domain=domain_id)
     assert (code, output, error.splitlines()[1:]) == (2, '', [])
     assert message in error
+
+
+def test_each_description_is_warned_of(ros, capfd):
+    """Also one that is set while the node runs."""
+    urdf = ('<robot name="r"><link name="a"/><link name="b"/><joint name="{}" type="floating">'
+            '<parent link="a"/><child link="b"/></joint></robot>')
+    node = RobotStatePublisher(urdf.format('one'), context=ros.context)
+    text = Parameter('robot_description', value=urdf.format('two'))
+    assert node.set_parameters([text])[0].successful
+    node.destroy_node()
+    logged = capfd.readouterr().err
+    assert "joint 'one' is floating" in logged
+    assert "joint 'two' is floating" in logged

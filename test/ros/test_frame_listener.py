@@ -1,11 +1,14 @@
 """The listener of the commands: what it says if nothing arrives on /tf."""
 
 from itertools import chain, count
+import time
 
 from geometry_msgs.msg import TransformStamped
 from ros_node import stamped
+from rosgraph_msgs.msg import Clock
 
 from puretf import StaticTransformBroadcaster, TransformBroadcaster
+from puretf_tools.inspection.clock_sampler import ClockSampler
 from puretf_tools.inspection.frame_listener import FrameListener
 from puretf_tools.inspection.pulse import Pulse
 
@@ -57,6 +60,24 @@ def test_no_remedy_is_needed(ros):
         f"Known frames: 'camera', 'map'. {hint}")
     listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
     assert listener.topics_hint() == ''
+
+
+def test_a_clock_that_has_sent_nothing_yet_does_not_stand(ros):
+    """It may be about to."""
+    sampler = ClockSampler(ros.node)
+    ros.node.create_publisher(Clock, '/clock', 10)
+    ros.until(sampler.nodes)
+    assert sampler.stands() == 0.0
+
+
+def test_stamps_of_the_system_clock_are_recognised_at_once(ros):
+    """Also while somebody publishes /clock, as a simulation that is not used."""
+    ros.node.create_publisher(Clock, '/clock', 10)
+    listener = FrameListener(ros.node)
+    ros.until(listener.clock_sampler.nodes)
+    listener.buffer.set_transform(stamped('map', 'base', time.time_ns()), 'test')
+    assert listener.knows_clock()
+    assert not listener.clock.is_simulated
 
 
 def test_another_type(ros, stranger):

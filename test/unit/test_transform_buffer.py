@@ -729,3 +729,11 @@ def test_the_chain_between_two_frames():
     assert buffer.chain('map', 'map') == ['map']
     with pytest.raises(LookupException, match='"nobody" passed to lookupTransform'):
         buffer.chain('map', 'nobody')
+
+
+def test_the_latest_common_time_of_one_frame():
+    """It is the newest stamp of the frame, as in tf2's getLatestCommonTime; 0 for a root."""
+    buffer = TransformBuffer()
+    buffer.insert(5 * S, 'map', 'base', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    assert buffer.get_latest_common_time('base', 'base') == 5 * S
+    assert buffer.get_latest_common_time('map', 'map') == 0
