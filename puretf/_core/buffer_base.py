@@ -297,20 +297,20 @@ class BufferBase(Generic[TimeT, DurationT, TransformT]):
         :raises ValueError: if the shape of `times` is not (n,), or a time is NaT.
         """
         times = int64_times(times, 'times')
-        poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
-        is_sorted = (times[1:] >= times[:-1]).all()
-        order = np.argsort(times)  # sorted times are found faster
+        columns, known = np.empty((7, len(times))), np.empty(len(times), np.bool_)
+        # Sorted times are found faster.
+        order = None if (times[1:] >= times[:-1]).all() else np.argsort(times)
         for begin in range(0, len(times), _CHUNK):
-            part: Any = slice(begin, begin + _CHUNK) if is_sorted else order[begin:begin + _CHUNK]
+            part: Any = slice(begin, begin + _CHUNK)
+            part = part if order is None else order[part]
             with self._engine.reading():
-                columns, known[part] = self._engine.lookups.poses(
+                columns[:, part], known[part] = self._engine.lookups.poses(
                     target_frame, source_frame, times[part])
-            poses[part] = columns.T
         if as_matrices:
-            result = matrices(poses.T)
+            result = matrices(columns)
             result[~known] = np.nan
             return result
-        return poses[:, :3], poses[:, 3:], known
+        return columns[:3].T, columns[3:].T, known
 
     def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
                      ) -> Twist:

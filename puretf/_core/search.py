@@ -81,8 +81,8 @@ def _pose_along(edges: Sequence[History], time: int) -> Pose:
 
 
 def _columns_along(edges: Sequence[History], neighbours: Neighbours) -> Columns:
-    steps = [edge.poses_at(neighbours) for edge in edges]
-    return reduce(lambda lower, step: compose(step, lower), steps) if steps else IDENTITY
+    steps = (edge.poses_at(neighbours) for edge in edges)  # a list would take more memory
+    return reduce(lambda lower, step: compose(step, lower), steps) if edges else IDENTITY
 
 
 def path(tree: FrameTree, target: str, source: str, time: int) -> Path:
