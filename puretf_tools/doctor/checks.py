@@ -221,10 +221,10 @@ def _changing_parent(observation: Observation) -> Iterator[_Fault]:
     for fault in _found_by('changing_parent', observation):
         tracks = [track for child in fault.frames or () for track in observation.by_child[child]]
         fault = fault._replace(tracks=tracks, scope=None)
-        yield fault._replace(
+        if _is_handed_over(observation, tracks):
             # Only of several publishers, one is silent while it does not have the frame.
-            severity=INFO, remedy=None, scope=None if len(tracks) > 1 else ()
-        ) if _is_handed_over(observation, tracks) else fault
+            fault = fault._replace(severity=INFO, remedy=None, scope=None if tracks[1:] else ())
+        yield fault
 
 
 def _is_handed_over(observation: Observation, tracks: Sequence[Track]) -> bool:
@@ -276,10 +276,11 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
             fault = _Fault(f'{quoted(frame)} is in the headers on {listed(topics)}, but not among '
                            f'the {len(known)} frames of the transforms. '
                            f'{suggest_names(frame, known)}', frames=[frame], topics=topics)
-            yield fault._replace(severity=INFO, remedy=(
-                'This is right if it is no place, as that of a joystick; otherwise, publish a '
-                'transform to it.')) if _is_no_place(observation, frame) else _if_recorded(
-                    observation, fault, 'lead to it', 'to it, or correct the name.')
+            if _is_no_place(observation, frame):
+                yield fault._replace(severity=INFO, remedy='This is right if it is no place, as '
+                                     'that of a joystick; otherwise, publish a transform to it.')
+            else:
+                yield _if_recorded(observation, fault, 'lead to it', 'to it, or correct the name.')
 
 
 def _if_recorded(observation: Observation, fault: _Fault, what: str, instead: str) -> _Fault:
