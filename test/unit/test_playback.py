@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from puretf import bag, TransformBuffer
-from puretf_tools.cli.signals import check_signals, record_signals, signal_received
+from puretf_tools.cli.signals import (
+    check_signals,
+    record_signals,
+    restore_signals,
+    signal_received,
+)
 from puretf_tools.commands import web_view
 from puretf_tools.commands.view_frames import format_tree
 from puretf_tools.commands.web_view import main, read_into
@@ -378,8 +383,7 @@ def test_ctrl_c_ends_a_live_recording(monkeypatch, buffer):
         assert 0.0 < animation.duration < 1e6
         check_signals()
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        restore_signals(handlers)
 
 
 def test_a_bag_without_frames_to_show(bags, failed, tmp_path):
