@@ -123,6 +123,7 @@ class Edge(NamedTuple):
     cache_time: int = 0
     has_dropped: bool = False  #: True if it may have had older samples
     is_full: bool = False  #: True if samples were dropped since there were too many
+    shorter: str = ''  #: the child of another edge, whose newest stamp is the time of the lookup
     is_frozen: bool = False  #: True if several transforms have arrived, all with the same stamp
     authority: str = ''  #: the publisher
     silence: int = 0  #: since the last transform of the child has arrived

@@ -76,15 +76,25 @@ def _takes_dates(facts: Facts, time: int) -> bool:
     return facts.buffer.takes_ns and time > SINCE_START
 
 
+def _unit(facts: Facts) -> str:
+    """Return the unit in which the time of a lookup is within the data; '' if it may be in ns."""
+    oldest, latest = facts.edge.oldest, facts.edge.latest
+    is_ns = (facts.time >= SECOND and oldest < SINCE_START) or not facts.buffer.takes_ns
+    return next((unit for unit, size in UNITS.items()
+                 if not is_ns and oldest <= facts.time * size <= latest), '')
+
+
 @_own_rule('time_in_seconds', 'Pass times in ns.', 'past', ['past'])
 def _time_in_seconds(facts: Facts) -> Iterator[Evidence]:
-    for unit, size in UNITS.items():
-        if facts.buffer.takes_ns and facts.edge.oldest <= facts.time * size <= facts.edge.latest:
-            yield Evidence(f'{facts.time} {unit} are within the data, {facts.time} ns are not')
+    if (unit := _unit(facts)) and not facts.edge.shorter:
+        yield Evidence(f'{facts.time} {unit} are within the data, {facts.time} ns are not')
 
 
-@_own_rule('stamps_in_seconds', 'Insert stamps in ns.', 'future', ['future'])
+@_own_rule('stamps_in_seconds', 'Insert stamps in ns.', 'future', _TIMES)
 def _stamps_in_seconds(facts: Facts) -> Iterator[Evidence]:
+    if (unit := _unit(facts)) and facts.edge.shorter:
+        yield Evidence(f'That time is the newest stamp of {quoted(facts.edge.shorter)}, and '
+                       f'within these data if it is in {unit}')
     oldest, latest = facts.edge.oldest, facts.edge.latest
     for unit, size in UNITS.items() if _takes_dates(facts, facts.time) else ():
         # Stamps in ns that are read in another unit are years apart.
@@ -191,7 +201,8 @@ def _refusals(code: str, what: str, facts: Facts) -> Iterator[Evidence]:
     if edge.child and (facts.arrives or not facts.around.topics):
         return
     for name in [edge.child] if edge.child else dict.fromkeys((*facts.names, *facts.roots)):
-        if code in (refusals := facts.buffer.refusals(name)):
+        refusals = facts.buffer.refusals(name)
+        if code == max(refusals.keys() - {'nanosec'}, key=refusals.__getitem__, default=''):
             count, authority = refusals[code]
             yield Evidence(f'{_refused(count, name, _senders(facts, name, authority))}: {what}')
 
@@ -206,7 +217,7 @@ for _code, _what, _remedy in (
 
 
 def _refused(count: int, child: str, nodes: Sequence[str]) -> str:
-    return f'Transforms of {quoted(child)}{_of("from", nodes)} were refused, {count} in all'
+    return f'Transforms of {quoted(child)}{_of("from", nodes)} were refused ({count})'
 
 
 @_rule('zero_stamp', 'Set header.stamp, or stamp=, to the time of the transform.', 'clock', _TIMES)

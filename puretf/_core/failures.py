@@ -60,7 +60,8 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
     names the edge above `frame`. If the newest parents do not connect the two frames, it names the
     roots of their two trees.
     """
-    child, worst, widest, now = frame, tree.histories[frame], 0, monotonic_ns()
+    child, worst, widest, shorter = frame, tree.histories[frame], 0, ''
+    now = monotonic_ns()
     assert worst is not None
     error = exceptions.ExtrapolationException(texts.extrapolation(
         len(worst), worst.oldest, worst.latest, time, target, source))
@@ -72,6 +73,8 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
         gap = END if history.is_frozen or (
             tree.needs_listener and history.latest == time
             and now - history.advance > RECENT) else history.distance_to(time)
+        if history.latest == time:
+            shorter = each
         if gap > widest:
             child, worst, widest = each, history, gap
     if not len(worst):
@@ -79,9 +82,9 @@ def extrapolation(tree: FrameTree, frame: str, time: int, target: str, source: s
     return _explained(
         error, tree, 'past' if time < worst.oldest else 'future', (target, source), (), time, Edge(
             worst.parent_at(0) or '', child, len(worst), worst.oldest, worst.latest,
-            tree.cache_time, worst.start > 0, worst.is_full, worst.is_frozen, worst.authority,
-            now - worst.arrival, worst.arrival - worst.advance, worst.offsets, worst.refused,
-            worst.refused_stamp, worst.refused_authority, worst.is_refusing))
+            tree.cache_time, worst.start > 0, worst.is_full, shorter, worst.is_frozen,
+            worst.authority, now - worst.arrival, worst.arrival - worst.advance, worst.offsets,
+            worst.refused, worst.refused_stamp, worst.refused_authority, worst.is_refusing))
 
 
 def unconnected(tree: FrameTree, target: str, source: str, time: int = END

@@ -579,7 +579,7 @@ THOUGHT_OF = [
         [Sender('/gz', ['odom base_link'], 50.0, begin=-4.9, stamp=lambda time: 300 * S if (
             time == NOW - 49 * S // 10) else time - NOW + 5 * S), LASER],
         clock_nodes=['/gz'], clock=5.0, has_gids=True),
-        [Lookup('odom', 'laser', ['time_goes_back'], ('245 in all',), at=-0.1)]),
+        [Lookup('odom', 'laser', ['time_goes_back'], ('refused (245)',), at=-0.1)]),
     *(Situation(f'{unit} as nanoseconds', World(
         [DRIVER._replace(stamp=ns.__rfloordiv__)]),
         [Lookup('odom', 'base_link', ['other_clock'], (f'{unit} as nanoseconds',), at=0.0)])
@@ -624,7 +624,7 @@ THOUGHT_OF = [
     Situation('all have been refused for 3 s', World([
         DRIVER, Sender('/imu', ['base_link imu'], end=-3.0),
         Sender('/imu', ['base_link imu'], begin=-2.9, pose=lambda _: (0.0,) * 7)]),
-        [Lookup('odom', 'imu', ['unnormalized'], ('59 in all',), at=0.0)]),
+        [Lookup('odom', 'imu', ['unnormalized'], ('refused (59)',), at=0.0)]),
     Situation('a node repeats its last stamp', World([
         SLAM._replace(stamp=lambda time: min(time, NOW - 5 * S)), DRIVER]),
         [Lookup('map', 'base_link', [], ('has not advanced for 5.0 s',), at=0.0)]),

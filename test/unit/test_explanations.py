@@ -109,6 +109,42 @@ def test_stamps_in_seconds_are_told(unit, size, units, is_told):
     assert not is_told or right.can_transform('map', 'base', time)
 
 
+@pytest.mark.parametrize('size', UNITS.values())
+@pytest.mark.parametrize('child', ['base', 'tool'])
+def test_a_lookup_at_the_latest_time_blames_the_stamps(child, size):
+    """The caller has passed no time; only the stamps of one edge can be in seconds."""
+    wrong, right = TransformBuffer(cache_time=None), TransformBuffer(cache_time=None)
+    for i in range(61):
+        for parent, frame in (('map', 'base'), ('base', 'tool')):
+            right.insert(T + i * S, parent, frame, STILL)
+            wrong.insert((T + i * S) // (size if frame == child else 1), parent, frame, STILL)
+    error = wrong.why_not('map', 'tool', 0)
+    assert f'the newest stamp of {child!r}' in error
+    assert 'Insert stamps in ns.' in error
+    assert right.can_transform('map', 'tool')
+
+
+def test_an_edge_that_ended_before_the_other_is_not_in_another_unit():
+    """2 s would be 2000 s in microseconds; but simulations begin at 0."""
+    buffer = TransformBuffer(cache_time=None)
+    for second, parent, child in ((1, 'map', 'base'), (2, 'map', 'base'),
+                                  (1000, 'base', 'tool'), (3000, 'base', 'tool')):
+        buffer.insert(second * S, parent, child, STILL)
+    for time in (0, S, 2 * S):
+        assert 'Insert stamps' not in buffer.why_not('map', 'tool', time)
+        assert 'Pass times' not in buffer.why_not('map', 'tool', time)
+
+
+@pytest.mark.parametrize(('zeros', 'nans', 'cause'), [
+    (9, 1, '(9): the quaternion is zero'), (1, 9, '(9): a number is NaN')])
+def test_the_most_frequent_refusal_is_told(zeros, nans, cause):
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'base', STILL)
+    for pose in [(0.0,) * 7] * zeros + [(*STILL[:6], float('nan'))] * nans:
+        buffer.insert(T, 'map', 'tool', pose)
+    assert f"Transforms of 'tool' were refused {cause}" in buffer.why_not('map', 'tool', 0)
+
+
 @pytest.mark.parametrize('stamps', [[0], [0, S // 100], [S, 10 * S], [5, 50 * S]])
 @pytest.mark.parametrize('time', [S // 2, 20 * S, T])
 def test_stamps_since_the_start_are_in_ns(stamps, time):
