@@ -111,7 +111,7 @@ class BufferBase(Generic[TimeT, DurationT, TransformT]):
         expired = len(order) > 1 and bisect_left(
             order, times.item(order[-2]) - tree.cache_time, key=times.item)
         if expired:
-            log.warn('TF_EXPIRED', texts.expired(
+            log.warn(f'TF_EXPIRED {child_frame_id}', texts.expired(
                 child_frame_id, expired, len(order), tree.cache_time, longer_cache(
                     times.item(order[-1]) - times.item(order[0]), tree.takes_ns)), child_frame_id)
             log.flush()

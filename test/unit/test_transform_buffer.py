@@ -386,6 +386,8 @@ def test_a_call_with_more_than_the_cache_time(caplog):
                 'are older than the newest one by more than cache_time, 10 s. Create the buffer '
                 'with cache_time=100_000_000_000 (ns), or TransformBuffer(cache_time=None), which '
                 'keeps all. This is logged once per frame'))]
+    buffer.insert_many(stamps, 'tool', 'tip', poses)
+    assert 'TF_EXPIRED: Of 100 transforms for child_frame_id "tip"' in caplog.text  # at once
     assert 'node' not in buffer.why_not('map', 'tool', T)
     assert whole.insert_many(stamps, 'map', 'tool', poses) is True
     assert whole.lookup_transforms('map', 'tool', stamps)[2].all()
