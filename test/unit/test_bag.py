@@ -653,7 +653,9 @@ def test_a_damaged_message(tmp_path, logs):
     (time, stream), cut = content[10][1::-1], bags.packed(bags.ros2(content[10][2]), 'zstd')[:-5]
     path = bags.make(tmp_path, 'mcap', [*content[:10], (stream, time, cut), *content[10:]])
     for partial in False, True:
-        (frame,) = read(path, partial=partial).frames()[1:]
+        with bag.open(path, partial=partial) as opened:
+            (frame,) = opened.read().frames()[1:]
+            assert not opened.is_whole
         assert frame.length == 201
     assert 'skipped 1 of 203 TF messages, which cannot be decoded: ' in messages(logs)
 

@@ -579,6 +579,7 @@ def test_malformed_messages(capsys, tmp_path):
         *in_order(robot()), ('/tf', T + 10 * S, b'\0\1\0\0\1\0\0')])
     _, found = doctor(capsys, path)
     assert any('1 message' in text and 'truncated' in text for text in found['not_checked'])
+    assert found['verdict'].startswith('nothing found: ')  # not: healthy
 
 
 def test_a_type_without_a_definition(capsys, tmp_path):
