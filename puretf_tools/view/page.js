@@ -266,12 +266,13 @@ const drawStatus = () => {
   const values = document.querySelector('[data-tf]');
   const link = values?.closest('[style*="opacity: 0.5"]') ? 'connection' : 'update';
   const found = state.findings.filter(([, , , , , isOver]) => !isOver).map(([each]) => each);
-  const worst = ['error', 'warning'].find((each) => found.includes(each)) ?? 'ok';
   const health = found.length ? `${found.length} finding${found.length > 1 ? 's' : ''}`
-    : state.verdict ? 'healthy' : 'not examined yet';
+    : /^(healthy|nothing found)/.exec(state.verdict)?.[0] ?? 'not examined';
+  const worst = ['error', 'warning'].find((each) => found.includes(each))
+    ?? (found.length || health == 'healthy' ? 'ok' : '');
   const parts = isLost ? [[`no ${link} for ${late.toFixed(0)} s`, 'error']] : [['connected', 'ok']];
   parts.push(...state.status.map((text) => [text]));
-  if (!isLost) parts.splice(-1, 0, [health, state.verdict ? worst : '']);
+  if (!isLost) parts.splice(-1, 0, [health, worst]);
   const key = JSON.stringify(parts);
   if (status.key == key) return;
   status.key = key;

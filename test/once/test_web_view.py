@@ -2,6 +2,8 @@
 
 import json
 from math import pi
+from pathlib import Path
+from shutil import copytree
 import socket
 import time
 
@@ -258,6 +260,16 @@ def test_the_keys_and_the_bar_of_a_bag(start, browse, tmp_path):
     bar.get_by_label('Time (s)').fill('3.5')
     page.until(lambda: time.inner_text() == '+3.5 s, 103.500000000')
     page.page.screenshot(path=tmp_path / 'bar.png')
+
+
+@pytest.mark.parametrize(('is_whole', 'health'), [(True, 'healthy'), (False, 'nothing found')])
+def test_the_foot_of_a_bag(start, browse, tmp_path, is_whole, health):
+    """It calls no bag healthy of which a part is missing."""
+    bag = copytree(Path(__file__).parents[1] / 'data/recordings/mcap_split', tmp_path / 'bag')
+    if not is_whole:
+        (bag / 'mcap_split_1.mcap').unlink()
+    page = browse(start(*tool('web_view', '--partial', '--bag', str(bag))))
+    page.until(page.page.locator('#tf-status').get_by_text(health, exact=True).count)
 
 
 def test_a_pair_in_a_browser(start, browse, tmp_path):
