@@ -559,9 +559,8 @@ def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
             continue  # see message_other_clock
         if verdict == Verdict.WAITS:
             topic = _without_gaps(observation, topic)
-        found = topic.verdicts == verdict
-        count = (found & (topic.waits >= least_wait)).sum()
-        if count and count >= SHARE * topic.number_of(verdict):
+        found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
+        if found.any() and found.sum() >= SHARE * topic.number_of(verdict):
             yield topic, found
 
 
@@ -790,17 +789,20 @@ def _start_again(node: str) -> str:
         'more often.', 'future', severity=WARNING, needs=('headers', 'messages'))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
+    queues = {topic.topic: topic.queue() for topic in observation.message_times}  # as in the table
     for child, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+        first = min(int(topic.stamps[found].min()) for topic, found in topics)
         largest = max(topic.quantiles()[-1] for topic, _ in topics)
+        size = max(queues[topic.topic] for topic, _ in topics)
         instead = ('correct the clock that stamps the messages' if _lead(topics) else
                    'make the publisher send the transforms sooner, or more often')
         yield _of_messages(
-            observation, topics, 'can be transformed only after waiting for the edge '
-            f'{_edge_text(observation, child)}, up to {_known(largest * SECOND)}',
-            None if largest > _LONGEST_TIMEOUT else
+            observation, topics, f'wait {LONG_WAIT / SECOND} s or more for the edge '
+            f'{_edge_text(observation, child)}, up to {_known(largest * SECOND)}, the first at '
+            f'{exact_time(first)}', None if largest > _LONGEST_TIMEOUT else
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
-            f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
-            f'...). Or {instead}.', child)
+            f'a filter: MessageFilter(..., queue_size={size}, ...). Or {instead}.',
+            child)._replace(time=first)
 
 
 @_check('message_zero_stamp', 'Set the stamp to the time of the measurement; with use_sim_time, '
