@@ -158,15 +158,16 @@ def _star(arm: Arm, samples: Samples) -> str:
 
 
 def _two_programs(arm: Arm, name: str) -> str:
-    """Say which copies of a program send a frame; '' if it is not known."""
+    """Say which processes of one node name send a frame; '' if it is not known."""
     gids = {*arm.samples[name].publishers}
     nodes = {each.pid: each.node for each in arm.publishers if each.pid and each.gid in gids}
     if len(nodes) < 2 or len({*nodes.values()}) > 1:
         return ''
     *old, newest = nodes
     pids = ', '.join(f'PID {pid}' for pid in old)
-    return (f'Copies of one program send {name} at the same time: {pids} and PID {newest}. An '
-            f'old one still runs: end it (kill {" ".join(map(str, old))}).')
+    return (f'Programs with the node name {shortened(nodes[newest])} send {name} at the same '
+            f'time: {pids} and PID {newest}. End all but one: if the last one is to stay, kill '
+            f'{" ".join(map(str, old))}.')
 
 
 def misspelling(name: str, others: Sequence[str]) -> str:
@@ -233,13 +234,16 @@ def of_excess(arm: Arm, joint: SheetFrame) -> str:
                for each in JOINTS if each.name in arm.samples}
     excess = f'The limit is exceeded by {in_degrees(largest[joint] - joint.limit)}'
     doubled = [each for each in largest if abs(largest[each] / each.limit - 2) < 0.04]
-    others = [other.name for other in JOINTS if other is not joint and len(doubled) < 2
+    others = [other for other in JOINTS if other is not joint and len(doubled) < 2
               and abs(largest[joint] - other.limit) < radians(0.5)]
+    for other in others:
+        if abs(largest.get(other, 0.0) - joint.limit) < radians(0.5):
+            return f'{excess}: the limits of {joint.name} and {other.name} are exchanged.'
     if joint in doubled:
         return (f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}' +
-                ''.join(f' Or is it the limit of {other}?' for other in others))
+                ''.join(f' Or is it the limit of {other.name}?' for other in others))
     if others:
-        return f'{excess}: this is the limit of {others[0]}.'
+        return f'{excess}: this is the limit of {others[0].name}.'
     if largest[joint] - joint.limit < radians(1.0):
         return f'{excess}: is the limit rounded, or does the last step go beyond it?'
     return (f'{excess}. The amplitude of the sine, plus an offset if there is one, must be at '

@@ -379,8 +379,8 @@ def _usual_speeds(speeds: Sequence[float], has_fixed_step: bool) -> Line:
     cause = next((causes.of_speed(joint, speed, has_fixed_step)
                   for joint, speed in zip(JOINTS, speeds)
                   if not 1 / SPEED_FACTOR <= speed / joint.speed <= SPEED_FACTOR), '')
-    return Line(_in_words(speeds), cause or (
-        '' if _are_in_order(speeds) else causes.of_speeds(speeds)))
+    return Line(_in_words(speeds), cause or ('' if _are_in_order(speeds) else (
+        'By the phases, the speeds are not in the order of the sheet.')))
 
 
 def _floats(arm: Arm) -> Line:

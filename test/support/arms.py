@@ -250,7 +250,8 @@ WRONG = {
     'joint_2 stays': {
         'the angle of joint_1 added': changed(angle=_joint(2, _added)),
         'exceeded by 3.0°': changed(limits=(45.0, 33.0, 60.0)),
-        'limit of joint_3': changed(limits=(45.0, 60.0, 30.0)),
+        'the limits of joint_2 and joint_3 are exchanged': changed(limits=(45.0, 60.0, 30.0)),
+        'Or is it the limit of joint_3?': changed(limits=(45.0, 60.0, 60.0)),
         'twice as large as it should be. In the quaternion, use the half angle': changed(
             rotation=_edge(2, lambda angle: (0.0, 0.0, sin(angle), cos(angle))))},
     'joint_1 moves as a sine': {
@@ -275,7 +276,7 @@ WRONG = {
             hertz=10, t=lambda self, now: (now - BEGIN) * 1e-6),
         'much too slow: is t in seconds?': _in_unit(60.0),
         'joint_2 and joint_3 have the same': changed(speeds=(0.3, 0.7, 0.7)),
-        '(1.88 in place of 0.3 rad/s): is there a factor 2π?': changed(speeds=(1.885, 0.5, 0.7)),
+        '(1.88 in place of 0.3 rad/s): is there a factor 2π?': changed(speeds=(1.88, 0.5, 0.7)),
         '(3.14 in place of 0.5 rad/s): is there a factor 2π?': changed(speeds=(0.3, 3.1416, 0.7)),
         'The order': changed(speeds=(0.7, 0.5, 0.3)),
         'do not convert': changed(speeds=(radians(0.3), radians(0.5), radians(0.7)))},

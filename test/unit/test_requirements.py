@@ -171,8 +171,8 @@ def test_two_copies_of_one_program():
         return failures(check(messages, publishers=publishers))[0].text
 
     assert cause(('two', '/dummy_arm', 1300), ('one', '/dummy_arm', 1234)) == (
-        'Copies of one program send joint_1 at the same time: PID 1300 and PID 1234. An old '
-        'one still runs: end it (kill 1300).')
+        'Programs with the node name /dummy_arm send joint_1 at the same time: PID 1300 and PID '
+        '1234. End all but one: if the last one is to stay, kill 1300.')
     lines = format_report(check(messages, publishers=[
         ArmPublisher(gid, '/dummy_arm', False, pid)
         for gid, pid in (('one', 1234), ('two', 1300))]))
@@ -265,7 +265,7 @@ def test_nothing_on_tf_but_static_joints():
     # Its largest speeds are 0.24, 0.52 and 0.73 rad/s, which fit the sheet better.
     (changed(speeds=(0.3, 1.0, 0.7)), 'speeds of about',
      'joint_2 is twice as fast as the sheet (1.00 in place of 0.5 rad/s)'),
-    (changed(speeds=(0.3, 0.7, 0.5)), 'speeds of about', 'The order of the speeds is wrong')])
+    (changed(speeds=(0.3, 0.7, 0.5)), 'speeds of about', 'By the phases, the speeds are not')])
 def test_good_practice(arm, practice, text):
     """It is advised, and has no influence on the result; a good arm follows it."""
     report = check(received(arm))
