@@ -6,7 +6,7 @@ from functools import partial
 from math import ceil
 
 from puretf._causes.clocks import apart, DAY, is_off, SINCE_START, unit_of, UNITS
-from puretf._causes.facts import Facts, listed, OTHER_CLOCK, RECENT, UNKNOWN
+from puretf._causes.facts import Facts, listed, OTHER_CLOCK, Publisher, RECENT, UNKNOWN
 from puretf._causes.rules import Evidence, registry, Rule
 from puretf._text.names import namespace_distance, quoted, shortened, TF_MESSAGE
 from puretf._text.similar_names import is_slip, may_be_one_robot, without_prefix
@@ -282,7 +282,7 @@ def _unmatched(lack: str, facts: Facts) -> Iterator[Evidence]:
     """Find publishers that do not offer what listeners require."""
     for topic in facts.around.topics:
         nodes = [each.node for each in facts.around.publishers if each.topic == topic and (
-            each.type == TF_MESSAGE and each.lacks == lack and _may_send(facts, each.node))]
+            each.type == TF_MESSAGE and each.lacks == lack and _may_send(facts, each))]
         if nodes:
             names = sorted({*nodes} - {''})
             yield Evidence(
@@ -290,10 +290,11 @@ def _unmatched(lack: str, facts: Facts) -> Iterator[Evidence]:
                 'listeners that require it receive nothing', nodes=names, topics=[topic])
 
 
-def _may_send(facts: Facts, node: str) -> bool:
-    """Return whether a node may send what a lookup lacks: no other frames are heard from it."""
+def _may_send(facts: Facts, publisher: Publisher) -> bool:
+    """Return whether one may send what a lookup lacks: it is not heard to send other frames."""
     wanted = facts.roots or facts.names
-    heard = {name for each in facts.heard if node in each.nodes
+    heard = {name for each in facts.heard
+             if each.topic == publisher.topic and publisher.node in each.nodes
              for names in each.parents.items() for name in names} if wanted else ()
     return not heard or not heard.isdisjoint(wanted)
 

@@ -164,6 +164,10 @@ FAULTY = [
     Situation('2.12 volatile statics', World([DRIVER, LASER._replace(lacks='transient local')]),
               [Lookup('odom', 'laser', ['static_not_latched'], ('/rsp', 'not transient local'))],
               after=[ROBOT]),
+    Situation('volatile statics of a node that sends other transforms, too', World([
+        DRIVER, LASER._replace(node='/driver', lacks='transient local')]),
+        [Lookup('odom', 'laser', ['static_not_latched'], ('/driver', 'not transient local'))],
+        after=[ROBOT]),
     Situation('1.36 best effort', World([DRIVER._replace(lacks='reliable'), LASER]),
               [Lookup('odom', 'laser', ['incompatible_qos'], ('/driver', 'not reliable'))],
               after=[ROBOT]),
