@@ -393,6 +393,15 @@ def test_a_call_with_more_than_the_cache_time(caplog):
     assert whole.lookup_transforms('map', 'tool', stamps)[2].all()
 
 
+@pytest.mark.parametrize(('options', 'kept'), [
+    ({'cache_time': None, 'max_samples': 500}, 500), ({'cache_time': S}, 10_000)])
+def test_a_call_with_more_than_fits(caplog, options, kept):
+    stamps = T + np.arange(20_000)
+    assert TransformBuffer(**options).insert_many(
+        stamps, 'map', 'tool', np.tile((1.0, 0.0, 0.0, *STILL), (20_000, 1))) is False
+    assert f'in one call, {20_000 - kept} are not kept: the buffer is full' in caplog.text
+
+
 @pytest.mark.parametrize('time', [
     np.datetime64(T, 'ns'), SimpleNamespace(sec=1_700_000_000, nanosec=0)])
 def test_one_time(time):
