@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from math import isfinite
-from numbers import Integral, Real
+from numbers import Real
 from operator import index
 from typing import Any
 
@@ -45,11 +45,12 @@ def written(number: Any, kind: str) -> str:
     """
     if isinstance(number, timedelta) and kind == 'Duration':
         number = number.total_seconds()
-    is_number = isinstance(number, Real) and not isinstance(number, bool)
-    is_integer = is_number and isinstance(number, Integral)
+    if isinstance(number, np.timedelta64 if kind == 'Duration' else np.datetime64):
+        return f'{kind}(nanoseconds={nanoseconds_or_int(number)})'
+    is_number = isinstance(number, Real) and not isinstance(number, (bool, np.timedelta64))
     return (f'{kind}(seconds={number})' if is_number and 0 <= number < _MOST_SECONDS else
-            f'{kind}(nanoseconds={number})' if is_integer and 0 < number < _MOST_SECONDS * SECOND
-            else '')
+            f'{kind}(nanoseconds={int(number)})'
+            if is_number and 0 < number < _MOST_SECONDS * SECOND else '')
 
 
 def nanoseconds_or_int(time: Any, name: str = 'time') -> int:

@@ -163,7 +163,7 @@ def _remedy(path: str, kind: Union[type, str], value: object) -> str:
     time = written(value, 'rclpy.time.Time')
     if kind is Time:
         return ('.to_msg() after it' if isinstance(value, ClockTime) else
-                f'{time}.to_msg()' if time else 'clock.now().to_msg()')
+                f'{time}.to_msg(), or ' * bool(time) + 'clock.now().to_msg()')
     if path.startswith('header.stamp.') and time:
         return f'header.stamp = {time}.to_msg()'
     return ('Vector3(x=x, y=y, z=z)' if kind is Vector3 else

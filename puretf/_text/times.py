@@ -53,4 +53,7 @@ def _integer(time: Any) -> int:
     kind = getattr(getattr(time, 'dtype', None), 'kind', '')  # numpy need not be there
     if time != time:
         raise ValueError('time must be valid, got NaT')
+    if isinstance(time, float):
+        raise TypeError(f'time must be an integer (ns), or a time of numpy, got {time!r}: write '
+                        'int(time) if it is in ns, round(time * 1e9) if it is in s')
     return int(time.astype(f'{kind}8[ns]')) if kind in ('M', 'm') else index(time)

@@ -106,7 +106,9 @@ def test_a_duration_as_the_time_that_tf2_accepts(buffer):
 @pytest.mark.parametrize(('number', 'remedy'), [
     (1.5, 'Time(seconds=1.5)'), (5, 'Time(seconds=5)'), (1_700_000_000.25,
                                                           'Time(seconds=1700000000.25)'),
-    (T * 10**7, 'Time(nanoseconds=1000000000000000000)'),
+    (T * 10**7, 'Time(nanoseconds=1000000000000000000)'), (
+        1e18, f'Time(nanoseconds={10**18})'),
+    (np.datetime64(5, 's'), 'Time(nanoseconds=5000000000)'),
     (np.float32(0.5), 'Time(seconds=0.5)'), (np.int64(3), 'Time(seconds=3)')])
 def test_a_number_as_the_time(buffer, number, remedy):
     """It is meant as seconds or, if it is too large, as nanoseconds."""
@@ -120,6 +122,7 @@ def test_a_number_as_the_time(buffer, number, remedy):
 @pytest.mark.parametrize(('value', 'remedy'), [
     (1.0, 'Duration(seconds=1.0)'), (2, 'Duration(seconds=2)'),
     (timedelta(milliseconds=20), 'Duration(seconds=0.02)'),
+    (np.timedelta64(3, 's'), 'Duration(nanoseconds=3000000000)'),
     (np.float64(0.25), 'Duration(seconds=0.25)'), (5 * 10**9, 'Duration(nanoseconds=5000000000)')])
 def test_a_number_as_a_duration(buffer, value, remedy):
     """Every argument that must be a Duration says how to write it."""
@@ -165,10 +168,10 @@ def test_a_number_as_a_duration_of_a_filter(ros, argument):
     ('header.stamp', Time(seconds=5), '.to_msg() after it'),
     ('header.stamp', DURATION, 'clock.now().to_msg()'),
     ('header.stamp', None, 'clock.now().to_msg()'),
-    ('header.stamp', 2.5, 'rclpy.time.Time(seconds=2.5).to_msg()'),
-    ('header.stamp', 3, 'rclpy.time.Time(seconds=3).to_msg()'),
+    ('header.stamp', 2.5, 'rclpy.time.Time(seconds=2.5).to_msg(), or clock.now().to_msg()'),
+    ('header.stamp', 3, 'rclpy.time.Time(seconds=3).to_msg(), or clock.now().to_msg()'),
     ('header.stamp', 17 * 10**17,
-     'rclpy.time.Time(nanoseconds=1700000000000000000).to_msg()'),
+     'rclpy.time.Time(nanoseconds=1700000000000000000).to_msg(), or clock.now().to_msg()'),
     ('header.stamp.sec', 2.5, 'header.stamp = rclpy.time.Time(seconds=2.5).to_msg()'),
     ('header.stamp.nanosec', 17 * 10**17,
      'header.stamp = rclpy.time.Time(nanoseconds=1700000000000000000).to_msg()'),
@@ -201,9 +204,10 @@ def test_a_field_of_a_wrong_type(ros, path, value, remedy):
         '.to_msg() after it', 'value.to_msg()')
     if remedy.startswith('header.stamp = '):
         path = 'header.stamp'
-    mended = set_field(eval(expression, names, {'value': value}))
-    broadcaster.sendTransform(mended)
-    Buffer().set_transform(mended, 'test')
+    for each in expression.split(', or '):
+        mended = set_field(eval(each, names, {'value': value}))
+        broadcaster.sendTransform(mended)
+        Buffer().set_transform(mended, 'test')
 
 
 # Things that are no transform

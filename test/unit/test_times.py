@@ -84,7 +84,7 @@ def test_times_of_numpy():
     assert exact_time(np.datetime64('2023-11-14T22:13:20')) == '1700000000.000000000'
     assert in_seconds(np.timedelta64(-20, 'ms')) == -0.02
     for convert in exact_time, in_seconds:
-        with pytest.raises(TypeError, match="'float' object cannot be interpreted as an integer"):
+        with pytest.raises(TypeError, match=r'in ns, round\(time \* 1e9\) if it is in s'):
             convert(1.5)
     for convert in nanoseconds_or_int, exact_time, in_seconds:
         for kind in np.datetime64, np.timedelta64:
