@@ -145,7 +145,8 @@ def of_nothing(arm: Arm) -> str:
     """Return why a program may send nothing."""
     return arm.no_clock or (
         f'The program is in line {arm.place}: is there a loop or a wait without end?' if arm.place
-        else 'Is the timer created, with its period in seconds, and does rclpy.spin run?')
+        else 'Does a timer, with its period in seconds, call sendTransform, and does rclpy.spin '
+        'run?')
 
 
 def _star(arm: Arm, samples: Samples) -> str:
@@ -316,7 +317,7 @@ def of_short_time(joint: SheetFrame, sine: Sine) -> str:
     """Return why less than a period was observed, and how long to observe the arm."""
     seconds = max(25, 5 * int(np.ceil(2 * pi / sine.speed / 5)))
     remedy = f'observe or record the arm for {seconds} s (--time {seconds})'
-    if sine.speed * SPEED_FACTOR < joint.speed and sine.is_exact and sine.span >= LONG_ENOUGH:
+    if sine.speed * SPEED_FACTOR < joint.speed and sine.span >= LONG_ENOUGH:
         return f'{of_speed(joint, sine.speed, sine.has_fixed_step)} Or {remedy}.'
     return f'{sine.span:.1f} s are less than a period: {remedy}.'
 
@@ -327,10 +328,14 @@ def of_speed(joint: SheetFrame, speed: float, has_fixed_step: bool) -> str:
     how = {0.5: 'half', 2.0: 'twice'}.get(round(ratio, 1), f'{ratio:.2g} times')
     why = ('the step is fixed, so the speed depends on the rate; take the time from the clock.'
            if has_fixed_step else 'is there a factor 2π? In sin(speed * t), it is in rad/s.'
-           if abs(ratio / (2 * pi) - 1) < _TURN_TOLERANCE else
+           if _is_turn(ratio) else
            'is it the speed of the sheet, and the time in seconds?')
     return (f'{joint.name} is {how} as fast as the sheet ({speed:.2f} in place of {joint.speed} '
             f'rad/s): {why}')
+
+
+def _is_turn(ratio: float) -> bool:
+    return abs(ratio / (2 * pi) - 1) < _TURN_TOLERANCE
 
 
 def of_speeds(speeds: Sequence[float]) -> str:
@@ -341,6 +346,8 @@ def of_speeds(speeds: Sequence[float]) -> str:
     for speed, joint in zip(speeds, JOINTS):
         if speed > _OTHER_UNIT * joint.speed:
             return f'{joint.name} is much too fast: {UNIT_OF_TIME}'
+        if _is_turn(speed / joint.speed):
+            return of_speed(joint, speed, has_fixed_step=False)
     return 'The order of the speeds is wrong: joint_1 must be the slowest, joint_3 the fastest.'
 
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 
+import dummy_arm
 from puretf._text.names import abbreviated, comma_list, quoted, visible
 from puretf_tools.cli.parser import CommandError
 from puretf_tools.cli.signals import wait_until
@@ -25,10 +26,19 @@ _PART = 1_000_000
 #: How much a process may hold that is not shared (bytes), with the stacks of its threads, and how
 #: many files are copied.
 _MOST_DATA, _MOST_COPIED = 2**32, 1000
-#: The program that runs a program, which must not import the arm of this package; if it does not
-#: call its main(), as `ros2 run` does, this follows. SIGTERM is blocked in it: it is not for this
-#: program, if another one sends it to all, as by `pkill python`. But it ends a fork; what it
-#: starts by `subprocess` inherits the block, so terminate() sends SIGKILL.
+#: Each Python that a program starts runs this first, as its `sitecustomize`: the arm of this
+#: package cannot be imported.
+_ITS_OWN = f"""
+import sys
+class Finder:
+    def find_spec(name, path, target=None):
+        if name in ('dummy_arm.dummy_arm', 'dummy_arm.arm') and {dummy_arm.__path__[0]!r} in path:
+            raise ImportError(f'import of {{name}} halted')
+sys.meta_path.insert(0, Finder)"""
+#: The program that runs a program; if it does not call its main(), as `ros2 run` does, this
+#: follows. SIGTERM is blocked in it: it is not for this program, if another one sends it to all,
+#: as by `pkill python`. But it ends a fork; what it starts by `subprocess` inherits the block, so
+#: terminate() sends SIGKILL.
 _RUN = f"""
 import faulthandler, os, resource, runpy, signal, subprocess, sys
 for kind, most in ((resource.RLIMIT_FSIZE, {_LONGEST_FILE}), (resource.RLIMIT_CORE, 0),
@@ -38,12 +48,16 @@ for kind, most in ((resource.RLIMIT_FSIZE, {_LONGEST_FILE}), (resource.RLIMIT_CO
 signal.pthread_sigmask(signal.SIG_SETMASK, [signal.SIGTERM])
 os.register_at_fork(after_in_child=lambda: signal.pthread_sigmask(signal.SIG_SETMASK, []))
 subprocess.Popen.terminate = subprocess.Popen.kill
-sys.modules['dummy_arm.dummy_arm'] = sys.modules['dummy_arm.arm'] = None
 faulthandler.register(signal.SIGUSR1)  # for `Program.place`
 path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
-sys.path.insert(0, os.path.dirname(path))
-runpy.run_path(path, run_name='__main__')"""
+folder, name = os.path.split(path)
+sys.path[:0] = [os.path.dirname(folder), folder]
+"""
+#: It runs the program as a file, or as a module of its package.
+_AS_FILE = "runpy.run_path(path, run_name='__main__')"
+_AS_MODULE = ("runpy.run_module(f'{os.path.basename(folder)}.{name[:-3]}', run_name='__main__', "
+              "alter_sys=True)")
 #: Why a callback is None, and why input() fails.
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
@@ -157,13 +171,20 @@ class Program:
         self.int_line = _line_with_int(tree)
         self._mere_name = _mere_name(tree)
         self._name, self._original = path.name, path.parent.absolute()
-        self._folder = Path(directory, 'copy')
+        self._folder = Path(directory, 'copy', self._original.name)
         _copy(path, self._folder)
-        self._arguments = ['-c', _RUN + '["main"]()' * _has_uncalled_main(tree)]
+        is_module = path.suffix == '.py' and path.stem.isidentifier() and (
+            self._original.name.isidentifier() and (self._folder / '__init__.py').is_file())
+        self._arguments = ['-c', _RUN + (_AS_MODULE if is_module else _AS_FILE) + (
+            '["main"]()' * _has_uncalled_main(tree))]
+        site = Path(directory, 'site')
+        site.mkdir()
+        (site / 'sitecustomize.py').write_text(_ITS_OWN)
         # `pkill -f dummy_arm.py` looks at command lines, but not at the environment.
         self._environment = {
             **os.environ, 'ROS_LOG_DIR': directory,
             'CHECK_ARM_PROGRAM': str(self._folder / self._name), 'PYTHONUNBUFFERED': '1',
+            'PYTHONPATH': f'{site}{os.pathsep}{os.environ.get("PYTHONPATH", site)}',
             'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
         self._output = os.open(Path(directory, 'output'), os.O_CREAT | os.O_RDWR | os.O_APPEND)
 
@@ -186,8 +207,8 @@ class Program:
             return
         text = output.decode(errors='replace')
         error = _error_of(text, self._name)
-        if copied := re.search(r'import of (\S+) halted; None in sys\.modules(.*)', error):
-            raise ProgramError('The arm must be its own: it imports '
+        if copied := re.search(r'import of (\S+) halted(.*)', error):
+            raise ProgramError('The arm must be its own: it imports or starts '
                                f'{copied[1]} of this package{copied[2]}.')
         if error:
             is_called = "'NoneType' object is not callable" in error and 'executors.py' in text

@@ -83,9 +83,9 @@ class Report(NamedTuple):
         """The first failure, and the number of the others; the advice if the arm passed."""
         line = self.first_failure
         if line is None:
-            advice = [f'{each.requirement} ({each.measured})' for each in self.advice
+            advice = [f'{each.requirement} ({each.measured}): {each.text}' for each in self.advice
                       if each.verdict == Verdict.ADVICE]
-            return f'advice: {"; ".join(advice)}' if advice else ''
+            return f'advice: {" ".join(advice)}' if advice else ''
         count = sum(each.verdict == Verdict.NOT_OK for each in self.lines)
         measured = f' ({line.measured})' if line.measured else ''
         return (f'{line.requirement}{measured}. {line.text}'

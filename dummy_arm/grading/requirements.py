@@ -267,8 +267,9 @@ def _sine(arm: Arm, joint: SheetFrame) -> Line:
     found = sine if sine.is_exact else None
     if (not found or sine.periods < _SHORTEST_WAVE) and (cause := causes.of_sum(arm, joint)):
         return Line(f'from {in_degrees(angles.min())} to {in_degrees(angles.max())}', cause)
-    if sine.periods < _SHORTEST_WAVE:
-        return _not_judged(causes.of_short_time(joint, sine), f'{sine.periods:.2f} periods', found)
+    if found and sine.periods < _SHORTEST_WAVE:
+        return _not_judged(causes.of_short_time(joint, sine),
+                           f'{int(100 * sine.periods) / 100} periods', found)
     return Line(f'differs by {100 * sine.residual:.1f} % of the amplitude',
                   '' if found else causes.of_wave(joint, times, angles, sine), value=found)
 

@@ -2,7 +2,7 @@
 
 import signal
 
-from hand_ins import CHAOS, differences, MISTAKES, MODEL_ANSWER, read_table
+from hand_ins import CHAOS, differences, MISTAKES, MODEL_ANSWER, program, read_table
 from processes import is_running, tool
 import pytest
 from ros_node import eventually
@@ -32,6 +32,22 @@ def test_programs(start, tmp_path):
     assert {path.stem for path in (tmp_path / 'feedback').rglob('*.txt')
             if '\npassed: ' in path.read_text()} == {
                 name for name, row in rows.items() if row['verdict'] == 'ok'}
+
+
+def test_a_program_in_a_package(start, tmp_path):
+    """It can import from its package, as with `ros2 run`, or what lies beside it."""
+    for module in '.tools', 'dummy_arm.tools', 'tools':
+        package = tmp_path / f'ws {module}' / 'src/dummy_arm/dummy_arm'
+        package.mkdir(parents=True)
+        (package / '__init__.py').touch()
+        (package / 'tools.py').write_text('HALF = 0.5\n')
+        (package / 'dummy_arm.py').write_text(program(
+            ('import rclpy\n', f'import rclpy\n\nfrom {module} import HALF\n'),
+            ("\n\nif __name__ == '__main__':\n    main()\n", '\n')))
+    names = [path.name for path in tmp_path.iterdir()]
+    process = start(*tool('check_arm', *names), cwd=tmp_path)
+    assert process.exit_code(120.0) == 0
+    assert sorted(process.output.splitlines()) == sorted(f'{name}: ok' for name in names)
 
 
 ENDLESS = """import os, signal, subprocess, sys, time

@@ -190,7 +190,7 @@ WRONG = {
             lambda topic, time, rows: [(topic, time, [rows[-1]] * len(rows))]),
         'exchanged': changed(row=lambda self, edge, now: Row(
             now, self.names[edge + 1], self.names[edge], (0.0,) * 6 + (1.0,))),
-        'Is the timer created': changed(topics=('/tf_static', *[''] * 4)),
+        'Does a timer, with its period in seconds,': changed(topics=('/tf_static', *[''] * 4)),
         'map is the root': _with_static('world', 'map', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
         'on /tf and on /tf_static': each(lambda topic, time, rows: [
             (topic, time, rows), *[('/tf_static', time, rows)] * (time - BEGIN == S // 1000)])},
@@ -261,7 +261,8 @@ WRONG = {
         'joint_1 changes only once a second: is t in whole seconds?': changed(
             t=lambda self, now: (now - BEGIN) // S),
         'is t in seconds?': _in_unit(1e-9),
-        'too fast to see a wave: is t in seconds?': changed(speeds=(25.0, 30.0, 35.0), hertz=50)},
+        'too fast to see a wave: is t in seconds?': changed(speeds=(25.0, 30.0, 35.0), hertz=50),
+        'joint_1 moves too fast to see a wave': changed(speeds=(30.0, 50.0, 70.0), hertz=50)},
     'joint_3 moves as a sine': {
         'clipped': changed(angle=_joint(3, _clipped)),
         'the angle of joint_2 added': changed(limits=(45.0, 30.0, 30.0), angle=_joint(3, _added))},
@@ -274,6 +275,8 @@ WRONG = {
             hertz=10, t=lambda self, now: (now - BEGIN) * 1e-6),
         'much too slow: is t in seconds?': _in_unit(60.0),
         'joint_2 and joint_3 have the same': changed(speeds=(0.3, 0.7, 0.7)),
+        '(1.88 in place of 0.3 rad/s): is there a factor 2π?': changed(speeds=(1.885, 0.5, 0.7)),
+        '(3.14 in place of 0.5 rad/s): is there a factor 2π?': changed(speeds=(0.3, 3.1416, 0.7)),
         'The order': changed(speeds=(0.7, 0.5, 0.3)),
         'do not convert': changed(speeds=(radians(0.3), radians(0.5), radians(0.7)))},
 }

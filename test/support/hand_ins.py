@@ -69,6 +69,13 @@ SIM_TIME = ("super().__init__('dummy_arm')", """super().__init__('dummy_arm', pa
             rclpy.Parameter('use_sim_time', value=True)])""")
 MODEL_ANSWER = HandIn(program(), 'ok', '')
 
+#: Programs that run the arm of this package.
+_STARTS = ('from dummy_arm.entry_points import dummy_arm; dummy_arm()',
+           'import dummy_arm.dummy_arm as it; it.main()',
+           'from os import execv; from sys import executable as it; '
+           'execv(it, [it, "-c", "import dummy_arm.arm"])')
+_IS_OURS = r'^The arm must be its own: it imports or starts dummy_arm\.(dummy_)?arm of this p'
+
 #: By file.
 MISTAKES = {
     # Right programs
@@ -81,6 +88,8 @@ MISTAKES = {
         'not judged', r'half as fast as the sheet .* the step is fixed, .* \(--time 45\)'),
     'prints.py': HandIn(program(
         ('        now = self', '        print(9000 * "x")\n        now = self')), 'ok', ''),
+    'turns.py': HandIn(program(('sin(speed * t)', 'sin(6.28 * speed * t)')), 'ok',
+                       r'^advice: speeds .* 1\.88 in place of 0\.3 rad.*is there a factor 2π'),
     'int.py': HandIn(program(('translation.y = y', 'translation.y = 0')),
                      'ok', r'all numbers are floats \(an int in line 42\)'),
     'called.py': HandIn(program(('self.create_timer(0.02, self.send)',
@@ -246,11 +255,10 @@ CHAOS = {
 
     # The arm of this package
     'imports_package.py': HandIn('from dummy_arm.dummy_arm import main\nmain()\n', 'not ok',
-                                 r'^The arm must be its own: it imports dummy_arm\.dummy_arm of'),
-    'starts_package.py': HandIn(limited("""
-        code = 'from dummy_arm.entry_points import dummy_arm; dummy_arm()'
-        subprocess.run([sys.executable, '-c', code], cwd='/')
-        """), 'not ok', r'^It starts dummy_arm of this package: the arm must be its own')}
+                                 _IS_OURS),
+    **{f'starts_package_{i}.py': HandIn(
+        limited(f'subprocess.run([sys.executable, "-c", {code!r}], cwd="/")'), 'not ok', _IS_OURS)
+        for i, code in enumerate(_STARTS)}}
 
 
 def read_table(path):
