@@ -980,7 +980,7 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
             yield _Fault(
                 f'{len(frames)} of {len(robot.links)} links have no transform: {listed(frames)}',
                 (), frames, [robot.topic], remedy='Publish it: robot_state_publisher does not '
-                'send floating or planar joints.' if {*missing} <= {*robot.floating} else '')
+                'send floating joints.' if {*missing} <= {*robot.floating} else '')
 
 
 # Infos

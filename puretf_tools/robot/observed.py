@@ -36,8 +36,8 @@ class Robot(NamedTuple):
     #: By joint that was received: why robot_state_publisher ignores all messages with it, or ''.
     states: Mapping[str, str] = {}
     elsewhere: Sequence[str] = ()  #: other topics with states of these joints
-    #: The links of floating and planar joints, which robot_state_publisher does not send; also
-    #: the root, if it has no other joints.
+    #: The links of floating joints, which robot_state_publisher does not send; also the root, if
+    #: it has no other joints.
     floating: Collection[str] = ()
 
 
@@ -105,8 +105,7 @@ def robot_of(topic: str, description: DescriptionOrWhy, states: Mapping[str, Map
     for joint in description.joints:
         if joint.name in rules:
             joints.setdefault(rules[joint.name].joint, []).append(joint.child)
-    floating = {joint.child for joint in description.joints
-                if joint.kind in ('planar', 'floating')}
+    floating = {joint.child for joint in description.joints if joint.kind == 'floating'}
     if floating.issuperset(joint.child for joint in description.joints
                            if joint.parent == description.root):
         floating.add(description.root)

@@ -431,6 +431,15 @@ def robots_in_bag(path):
     return found.robots()
 
 
+@pytest.mark.parametrize(('kind', 'links'), [('floating', {'a', 'b'}), ('planar', set())])
+def test_only_the_links_of_floating_joints_are_not_sent(tmp_path, kind, links):
+    """robot_state_publisher sends a planar joint as a fixed one."""
+    urdf = (f'<robot name="x"><link name="a"/><link name="b"/><joint name="j" type="{kind}">'
+            '<parent link="a"/><child link="b"/></joint></robot>')
+    (found,) = robots_in_bag(bags.make(tmp_path, 'mcap', with_robot('mcap', [], urdf=urdf)))
+    assert {*found.floating} == links
+
+
 def test_many_descriptions(capsys, tmp_path):
     """Twenty are read, also if they are sent again; one line says that others are left out."""
     path = bags.make(tmp_path, 'mcap', in_order([*robot(), *(
