@@ -17,6 +17,7 @@ from rclpy.time import Time
 from ros_node import eventually, LATCHED, point, stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from puretf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
 from puretf._ros import topic_watch
@@ -132,6 +133,19 @@ URDF = """<robot name="gripper">
 <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint>
 <joint name="grip" type="continuous"><parent link="arm"/><child link="left"/></joint>
 <joint name="end" type="fixed"><parent link="left"/><child link="tip"/></joint></robot>"""
+
+
+def test_joint_states_of_another_type(ros):
+    """The joints are without a state, and the headers of the messages are examined."""
+    make = ros.node.create_publisher
+    text, points = make(String, '/robot_description', LATCHED), make(
+        PointStamped, '/joint_states', 10)
+    text.publish(String(data=URDF))
+    _, data = examine(ros, send=lambda now: points.publish(point('lost', now)),
+                      publishers=[text, points], ticks=120)
+    assert codes(data) >= {'joint_without_state', 'unknown_frame'}
+    assert finding_of(data, 'joint_without_state')['evidence'] == (
+        '2 of 2 movable joints are not on /joint_states, where nothing was received: turn, grip')
 
 
 def test_messages_at_their_stamps(ros):

@@ -409,6 +409,14 @@ def test_a_window(run, walk_bag, window, first, last):
     assert read_csv(output)[1].tolist() == [*range(first * MS, last * MS + 1, 100 * MS)]
 
 
+def test_equal_distances_begin_where_a_row_is_possible(run, walk_bag):
+    """A velocity needs data 0.05 s before its time, so the first stamp has none."""
+    for twist, first in ((), 100 * S), (['--twist'], 100_100 * MS):
+        output, error = run('--bag', walk_bag, 'odom', 'base_link', '--every', '0.25', *twist)
+        assert read_csv(output)[1][0] == first
+        assert 'left out' not in error
+
+
 def test_equal_distances_in_a_window(run, walk_bag):
     """The first row is at its begin, also between two stamps."""
     output, _ = run('--bag', walk_bag, 'odom', 'base_link', '--start', '+0.123456789', '--stop',
