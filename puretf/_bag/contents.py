@@ -28,7 +28,8 @@ class Topic:
     A topic of a bag; in ROS 1, what one node has published on it.
 
     :param msgtype: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
-    :param publisher: the name of the node that published it; 'not recorded' in rosbag2
+    :param publisher: the name of the node that published it, of several the first one; that of a
+        message has its own; 'not recorded' in rosbag2
     :param is_static: whether it is /tf_static of the namespace; None: it is neither
     :param has_header: whether its messages begin with a header; None: it is not known. False if
         neither headers nor messages of this name are read
