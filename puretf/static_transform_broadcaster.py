@@ -41,7 +41,7 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(
             TFMessage, tf_static_topic, profile(1 if qos is None else qos, TF_STATIC),
             qos_overriding_options=qos_overriding_options)
-        self._sent: dict[str, Fields] = {}
+        self._node, self._sent = node, dict[str, Fields]()
         self._lock = RLock()  # because a signal handler may send, too
 
     def sendTransform(  # noqa: N802
@@ -68,4 +68,4 @@ class StaticTransformBroadcaster:
             sent = new if replaces else {**self._sent, **new}
             data = cdr.pack_fields(sent.values())  # raises the errors before anything changes
             self._sent = sent
-            publish(self.pub_tf, data)
+            publish(self._node, self.pub_tf, data)

@@ -4,14 +4,14 @@
 from puretf._ros.graph import broadcast
 
 # isort: split
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, Optional, Union
 
 from geometry_msgs.msg import TransformStamped
 import numpy as np
 from numpy.typing import ArrayLike
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -50,6 +50,7 @@ class TransformBroadcaster:
         check_node(node, 'TransformBroadcaster(node)')
         self.pub_tf = node.create_publisher(
             TFMessage, tf_topic, profile(qos, TF), qos_overriding_options=qos_overriding_options)
+        self._node = node
         self._children = broadcast.setdefault(node, set())
 
     def sendTransform(  # noqa: N802
@@ -67,7 +68,7 @@ class TransformBroadcaster:
         transforms = transform_stamped.as_list(transform)
         with transform_stamped.explain_bad_fields(transforms):
             fields = [*transform_stamped.fields_to_send(transforms)]
-            publish(self.pub_tf, cdr.pack_fields(fields))
+            publish(self._node, self.pub_tf, cdr.pack_fields(fields))
         self._note(child for _, _, _, child, _ in fields)
 
     def _note(self, children: Iterable[str]) -> None:
@@ -83,7 +84,7 @@ class TransformBroadcaster:
         :raises ValueError: if there is no edge, or if the names of an edge are invalid; see
             `sendTransform`.
         """
-        prepared = PreparedTransforms(self.pub_tf, edges)
+        prepared = PreparedTransforms(partial(publish, self._node, self.pub_tf), edges)
         self._note(child for _, child in prepared.edges)
         return prepared
 
@@ -91,8 +92,9 @@ class TransformBroadcaster:
 class PreparedTransforms:
     """A message on /tf whose frames stay the same; see `TransformBroadcaster.prepare`."""
 
-    def __init__(self, publisher: Publisher, edges: Sequence[tuple[str, str]]) -> None:
-        """Create a message of a publisher; see `TransformBroadcaster.prepare`."""
+    def __init__(self, publish: Callable[[bytes], None], edges: Sequence[tuple[str, str]]
+                 ) -> None:
+        """Create a message that `publish` publishes; see `TransformBroadcaster.prepare`."""
         self.edges = tuple(edges)
         if not self.edges:
             raise ValueError('edges must contain at least one pair (frame_id, child_frame_id)')
@@ -103,7 +105,7 @@ class PreparedTransforms:
                                 f'got {described(edge)}')
             transform_stamped.check_edge(*edge)
         self._layout = Layout(CDR, self.edges)
-        self._publisher = publisher
+        self._publish = publish
 
     def send(self, stamp: Any, poses: 'ArrayLike') -> None:
         """
@@ -121,4 +123,4 @@ class PreparedTransforms:
         if not normalize_poses(values.copy()):
             for edge, pose in zip(self.edges, values.tolist()):
                 transform_stamped.check_pose(*edge, pose)
-        publish(self._publisher, data)
+        self._publish(data)

@@ -2,7 +2,9 @@
 
 from typing import Any, Optional, Union
 
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -28,12 +30,12 @@ def check_node(node: Any, call: str) -> None:
         raise TypeError(f'node must be a Node of rclpy, got {described(node)}: write {call}')
 
 
-def publish(publisher: Publisher, data: bytes) -> None:
+def publish(node: Node, publisher: Publisher, data: bytes) -> None:
     """Publish the bytes of a message; after a shutdown, raise an ExternalShutdownException."""
     try:
         publisher.publish(data)
-    except RCLError as error:
+    except (InvalidHandle, RCLError) as error:
         # Ctrl-C or SIGTERM has shut ROS down while a callback was about to send.
-        if 'context is invalid' not in str(error):
+        if node.context.ok():
             raise
         raise ExternalShutdownException from error

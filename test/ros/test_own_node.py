@@ -61,7 +61,8 @@ def test_each_part_may_be_missing(ros, monkeypatch, capfd, name):
     assert line.startswith(f'differs from 7.1 and 9.1 in {name}. So transforms ')
 
 
-@pytest.mark.parametrize('name', ['WaitSet', 'EventHandle'])
+# rclpy 9 cannot be imported itself without a WaitSet.
+@pytest.mark.parametrize('name', ['EventHandle', *['WaitSet'] * rclpy_version().startswith('7.')])
 def test_a_class_may_be_gone(start, name):
     """Importing this package needs none of them."""
     process = start('-c', f"""
