@@ -52,6 +52,5 @@ WITHOUT_ROS = code_without(ROS)
 #: The module of each command.
 COMMANDS = {
     **{name: f'dummy_arm.{name}' for name in ('check_arm', 'dummy_arm', 'dynamic_tf_publisher')},
-    **{name: f'puretf_tools.commands.{name}' for name in (
-        'joint_state_publisher', 'param', 'robot_state_publisher', 'static_transform_publisher',
-        'tf2_echo', 'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')}}
+    **{path.stem: f'puretf_tools.commands.{path.stem}'
+       for path in sorted((ROOT / 'puretf_tools' / 'commands').glob('[a-z]*.py'))}}
