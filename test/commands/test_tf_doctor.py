@@ -193,7 +193,7 @@ def test_a_middleware_that_does_not_report_gids(ros, other, handles):
     static = [StaticTransformBroadcaster(node) for node in (ros.node, other)]
     for x, each in enumerate(static):
         each.sendTransform([stamped('map', '/odom', x=float(x))])
-    status, data = examine(ros, publishers=[each.pub_tf for each in static])
+    status, data = examine(ros, publishers=[each.pub_tf for each in static], ticks=100)
     assert (status, codes(data)) == (0, {'leading_slash'})
     assert data['not_checked'] == [
         'two_publishers, many_publishers: the ROS graph does not know the publishers of the '
