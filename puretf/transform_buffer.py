@@ -1,6 +1,7 @@
 """A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 import sys
 from typing import Any, Optional
 
@@ -8,7 +9,6 @@ from puretf._core.buffer_base import BufferBase
 from puretf._core.engine import engine_of
 from puretf._core.history import load
 from puretf._core.pose import Pose
-from puretf._core.times import nanoseconds_or_int
 from puretf._text.times import SECOND
 from puretf.exceptions import described
 from puretf.transform import Transform
@@ -47,20 +47,16 @@ class TransformBuffer(BufferBase[Any, Any, Transform]):
         self._engine.tree.takes_ns = True
 
     @classmethod
-    def copy_of(cls, buffer: BufferBase[Any, Any, Any], since: Any = -2**63) -> 'TransformBuffer':
+    def copy_of(cls, buffer: BufferBase[Any, Any, Any]) -> 'TransformBuffer':
         """
         Return a copy of a buffer, without limits of the number of frames and samples.
 
-        :param since: samples that are not needed from this time on (ns) are left out; by default,
-            none is.
-        :raises TypeError: if the buffer is none of puretf, or the time has a wrong type.
+        :raises TypeError: if the buffer is none of puretf.
         """
-        engine, stamp = engine_of(buffer), nanoseconds_or_int(since, 'since')
+        engine = engine_of(buffer)
         copy = cls(engine.tree.cache_time, max_frames=sys.maxsize, max_samples=None)
         with engine.reading():
-            copy._engine.tree.histories.update({
-                name: None if history is None else history.copy(stamp)
-                for name, history in engine.tree.histories.items()})
+            copy._engine.tree.histories.update(deepcopy(engine.tree.histories))
             copy._engine.tree.copy_facts(engine.tree)
         return copy
 

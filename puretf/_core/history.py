@@ -3,7 +3,6 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
-from copy import copy
 from math import acos, log, sin
 from operator import index, itemgetter
 import struct
@@ -140,19 +139,6 @@ class History:
         return Frame(name, self.parent_of(newest), self.authority, self.is_static,
                      newest - self.start + 1, self.stamps[newest], self.oldest, self.arrived,
                      self.refused_authority if self.is_refusing else self.authority)
-
-    def copy(self, since: int) -> 'History':
-        """Return a copy with what is needed for lookups from a time (ns) on."""
-        # The newest sample before this time, since find() treats the oldest stamp differently.
-        first = max(self.start, bisect_left(self.stamps, since) - 1)
-        other = copy(self)
-        other.start = min(self.start, 1)  # one dropped sample says that there were others
-        first -= other.start
-        other.stamps = self.stamps[first:]
-        other.poses = self.poses[first * POSE_BYTES:]
-        other.parents = self.parents and self.parents[first:]
-        other.all_parents = dict(self.all_parents)
-        return other
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
