@@ -1,7 +1,6 @@
 """A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
 
 from collections.abc import Mapping
-from copy import deepcopy
 import sys
 from typing import Any, Optional
 
@@ -56,8 +55,7 @@ class TransformBuffer(BufferBase[Any, Any, Transform]):
         engine = engine_of(buffer)
         copy = cls(engine.tree.cache_time, max_frames=sys.maxsize, max_samples=None)
         with engine.reading():
-            copy._engine.tree.histories.update(deepcopy(engine.tree.histories))
-            copy._engine.tree.copy_facts(engine.tree)
+            copy._engine.tree.copy(engine.tree)
         return copy
 
     @classmethod

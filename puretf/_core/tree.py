@@ -1,5 +1,6 @@
 """The tree of frames: the history of each frame, and the ancestors of a frame."""
 
+from copy import deepcopy
 from itertools import takewhile
 from operator import ne
 from typing import Any, Optional
@@ -48,11 +49,11 @@ class FrameTree:
         self._earlier.clear()
         self._refusals.clear()
 
-    def copy_facts(self, other: 'FrameTree') -> None:
-        """Take what another tree knows beside its histories."""
+    def copy(self, other: 'FrameTree') -> None:
+        """Take the data of another tree."""
         self.missing_part = other.missing_part
-        self._earlier = {name: dict(each) for name, each in other._earlier.items()}
-        self._refusals = {name: dict(each) for name, each in other._refusals.items()}
+        self.histories.update(deepcopy(other.histories))
+        self._earlier, self._refusals = deepcopy((other._earlier, other._refusals))
 
     def note_parents(self, child: str) -> None:
         """Keep the parents of a frame, which is about to get another one."""

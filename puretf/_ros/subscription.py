@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from math import inf
 from operator import itemgetter
 import sys
 from threading import RLock
@@ -35,11 +34,10 @@ class TopicSubscription:
     def __init__(self, subscription: Subscription, is_static: bool,
                  on_fault: Callable[[Exception], None]) -> None:
         self.subscription = subscription
-        self.destroy = subscription.destroy
         self.is_static = is_static
         qos = subscription.qos_profile
-        self.max_messages = max(_MAX_MESSAGES, int(qos.depth)) if (
-            qos.history == HistoryPolicy.KEEP_LAST) else sys.maxsize
+        self.depth = int(qos.depth) if qos.history == HistoryPolicy.KEEP_LAST else sys.maxsize
+        self.max_messages = max(_MAX_MESSAGES, self.depth)
         self.reader = MessageReader(on_fault)
 
 
@@ -58,8 +56,7 @@ class SubscriptionSource:
         self.wake, self._clock = wake, clock
         self._subscriptions = [TopicSubscription(each, each is tf_static, on_fault)
                                for each in (tf, tf_static) if each is not None]
-        qos = (tf or tf_static).qos_profile
-        self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
+        self._depth = self._subscriptions[0].depth
         #: Held while messages are taken; reentrant because a signal handler may close the source.
         self._taking = RLock()
         #: The time of the last call of `next_pause` (s), and the number of messages since then.
@@ -86,7 +83,7 @@ class SubscriptionSource:
         """Destroy the subscriptions while no other thread takes messages."""
         with self._taking:
             for subscription in self._subscriptions:
-                subscription.destroy()
+                subscription.subscription.destroy()
 
     def _take(self, subscription: TopicSubscription) -> list[Any]:
         return take_bytes(subscription.subscription, subscription.max_messages)
