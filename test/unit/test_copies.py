@@ -112,16 +112,6 @@ def test_a_loaded_buffer_keeps_all_samples():
     assert other.path_stamps('map', 'a').tolist() == [1 - 2**63, 5, 2**63 - 1]
 
 
-def test_a_frame_that_was_cleared_is_loaded():
-    """It has no parent, but it had one; map had none."""
-    buffer = buffer_of(1)
-    buffer.clear()
-    other = reloaded(buffer)
-    assert other.all_frames_as_string() == 'Frame a exists with parent NO_PARENT.\n'
-    _, why = other.can_transform('map', 'a', 1, return_debug_tuple=True)
-    assert "No transform of 'a' has been received since the buffer was cleared" in why
-
-
 @pytest.mark.parametrize('protocol', range(pickle.HIGHEST_PROTOCOL + 1))
 def test_a_buffer_is_not_pickled(protocol):
     """The error names what can be used."""

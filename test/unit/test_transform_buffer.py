@@ -61,11 +61,13 @@ def test_large_coordinates():
 
 
 def test_a_frame_in_itself_needs_not_be_known():
-    """The stamp is the requested time; for time 0, it is the latest stamp of the frame."""
+    """The stamp is the requested time; for time 0, it is the latest stamp of the frame, or 0."""
     buffer = TransformBuffer()
     assert buffer.lookup_transform('x', 'x', T) == Transform(T, 'x', 'x')
     put(buffer, 'a', 'b', T)
-    assert buffer.lookup_transform('b', 'b').stamp == T
+    for frame, stamp in ('b', T), ('a', 0):
+        assert buffer.lookup_transform(frame, frame).stamp == stamp
+        assert buffer.get_latest_common_time(frame, frame) == stamp
     assert buffer.can_transform('', '')
     with pytest.raises(LookupException):
         buffer.lookup_transform_full('x', T, 'x', T, 'x')
@@ -84,6 +86,7 @@ def test_clear_forgets_what_moves():
     assert text.endswith(
         ". No transform of 'b' has been received since the buffer was cleared, or mended after "
         'an interrupted insertion. More: tf_doctor --explain jump_back')
+    assert error_text(TransformBuffer.load(buffer.dump()), 'a', 'b', T) == text
     with pytest.raises(ConnectivityException):
         buffer.lookup_transform('a', 'b')
     assert buffer.all_frames_as_string() == (
@@ -739,11 +742,3 @@ def test_the_chain_between_two_frames():
     assert buffer.chain('map', 'map') == ['map']
     with pytest.raises(LookupException, match='"nobody" passed to lookupTransform'):
         buffer.chain('map', 'nobody')
-
-
-def test_the_latest_common_time_of_one_frame():
-    """It is the newest stamp of the frame, as in tf2's getLatestCommonTime; 0 for a root."""
-    buffer = TransformBuffer()
-    buffer.insert(5 * S, 'map', 'base', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-    assert buffer.get_latest_common_time('base', 'base') == 5 * S
-    assert buffer.get_latest_common_time('map', 'map') == 0
