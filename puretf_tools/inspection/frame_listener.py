@@ -1,6 +1,5 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
-from functools import cached_property
 from time import monotonic
 from typing import Optional
 
@@ -32,6 +31,7 @@ class FrameListener(PublisherListener):
         """Subscribe to /tf and /tf_static; keep transforms for some seconds longer than usual."""
         self.clock_sampler = ClockSampler(node)
         self.clock = self.clock_sampler.clock  #: that of the stamps
+        self.pulse = Pulse()  #: how late this program runs
         self._held: list[ReceivedMessage] = []
         self._since = self._next_choice = 0.0
         self.patience = PATIENCE  #: how long, at most, they wait for the choice of the clock (s)
@@ -42,11 +42,6 @@ class FrameListener(PublisherListener):
         self.topics = [each.topic_name for each in self.subscriptions]
         #: Clears the buffer if time goes back, and says so.
         self.time_hint = TimeWatch(self).follow
-
-    @cached_property
-    def pulse(self) -> Pulse:
-        """How late this program runs, from the first look on."""
-        return Pulse()
 
     def topics_hint(self) -> str:
         """Return why transforms may not arrive; '' if there is no sign of it. See `time_hint`."""
@@ -114,8 +109,7 @@ class FrameListener(PublisherListener):
             now=self.clock.now(), is_simulated=self.clock.is_simulated)
 
     def _release(self) -> None:
-        if 'pulse' in self.__dict__:
-            self.pulse.end()
+        self.pulse.end()
         self.clock_sampler.close()
         super()._release()
 
