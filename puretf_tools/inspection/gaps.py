@@ -23,14 +23,9 @@ Edges = Sequence[Any]  #: what `path_edges` of a buffer returns
 class Hole(NamedTuple):
     """A long step of an edge, over which poses are interpolated."""
 
-    parent: str
-    child: str
+    edge: str  #: such as 'odom -> base_link'
     begin: int  #: the stamp before the hole (ns)
     end: int  #: the stamp after it (ns)
-
-    @property
-    def edge(self) -> str:
-        return _edge(self.parent, self.child)
 
     def between(self, zero: Optional[int] = None) -> str:
         """
@@ -38,7 +33,7 @@ class Hole(NamedTuple):
 
         :param zero: the begin of a bag (ns), for times after it; None: for stamps.
 
-        >>> Hole('odom', 'base_link', 120 * SECOND, 124 * SECOND).between(100 * SECOND)
+        >>> Hole('odom -> base_link', 120 * SECOND, 124 * SECOND).between(100 * SECOND)
         'between +20.00 and +24.00 s'
         """
         sign = '' if zero is None else '+'
@@ -75,9 +70,9 @@ def holes_at(edges: Edges, times: NDArray[np.int64], longest: Optional[int] = No
         is_hole = (own[step] > (limits[edge.child] if longest is None else longest)) & (
             own[step] > lengths[first:last][inside])
         inside, step = first + inside[is_hole], step[is_hole]
-        lengths[inside] = own[step]
+        lengths[inside], name = own[step], _name_of(edge)
         for i, j in zip(inside.tolist(), step.tolist()):
-            found[i] = Hole(edge.parent, edge.child, *edge.stamps[j:j + 2].tolist())
+            found[i] = Hole(name, *edge.stamps[j:j + 2].tolist())
     return found
 
 
@@ -100,7 +95,7 @@ def beyond_ends(edges: Edges, times: NDArray[np.int64]
     early, late = (0, ''), (0, '')
     for edge in edges:
         part = slice(*_part(times, edge.begin, edge.end))
-        own, name = times[part], _edge(edge.parent, edge.child)
+        own, name = times[part], _name_of(edge)
         is_early, is_late = own < edge.stamps[0], own > edge.stamps[-1]
         is_beyond[part] |= is_early | is_late
         if is_early.any():
@@ -111,8 +106,8 @@ def beyond_ends(edges: Edges, times: NDArray[np.int64]
                                    in (('first', early), ('last', late)) if time)
 
 
-def _edge(parent: str, child: str) -> str:
-    return f'{shortened(parent)} -> {shortened(child)}'
+def _name_of(edge: Any) -> str:
+    return f'{shortened(edge.parent)} -> {shortened(edge.child)}'
 
 
 def _part(times: NDArray[np.int64], begin: int, end: int) -> tuple[int, int]:

@@ -179,7 +179,7 @@ class BagFeed(Feed):
         return '' if done is None else f'reading {self.name}: {done * 100:.0f} %'
 
     def watch(self, now: float) -> None:
-        lost = [Hole('', '', *span).between(self.player.begin) for span in self.missing_spans
+        lost = [Hole('', *span).between(self.player.begin) for span in self.missing_spans
                 if span[0] < self.player.time < span[1]]
         self.hint = f'a part of the recording is missing or damaged {lost[0]}' if lost else ''
 

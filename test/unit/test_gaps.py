@@ -35,7 +35,7 @@ def steps(begin, end, hertz=10):
 def test_a_hole():
     """It is between two stamps, without these; before and after all data, there is none."""
     buffer = buffer_of(('odom', 'base', [*steps(1, 3), *steps(7, 9)]))
-    hole = Hole('odom', 'base', 3 * SECOND, 7 * SECOND)
+    hole = Hole('odom -> base', 3 * SECOND, 7 * SECOND)
     for frames in ('odom', 'base'), ('base', 'odom'):
         assert holes(buffer, *frames, [0.5, 2.05, 3.0, 3.000000001, 6.99, 7.0, 9.5]) == [
             None, None, None, hole, hole, None, None]
@@ -53,7 +53,7 @@ def test_the_length_of_a_hole(stamps, time, is_hole):
 def test_a_given_limit():
     """A step that is as long is not a hole; edges that do not move have none."""
     buffer = buffer_of(('odom', 'base', [1.0, 1.1, 1.3]), ('base', 'arm', None))
-    hole = Hole('odom', 'base', 1100 * 10**6, 1300 * 10**6)
+    hole = Hole('odom -> base', 1100 * 10**6, 1300 * 10**6)
     assert holes(buffer, 'odom', 'arm', [1.05, 1.2], 200 * 10**6 - 1) == [None, hole]
     assert holes(buffer, 'odom', 'arm', [1.2], 200 * 10**6) == [None]
     assert holes(buffer, 'base', 'arm', [1.2], 0) == [None]
@@ -87,7 +87,7 @@ def test_holes_on_a_path_that_changes(given, times, longest):
             i = bisect_left(stamps, time)
             if 0 < i < len(stamps) and stamps[i] != time and (
                     stamps[i] - stamps[i - 1] > longest):
-                found.append(Hole(above, below, stamps[i - 1], stamps[i]))
+                found.append(Hole(f'{above} -> {below}', stamps[i - 1], stamps[i]))
         most = max((hole.end - hole.begin for hole in found), default=0)
         return [hole for hole in found if hole.end - hole.begin == most] or [None]
 
