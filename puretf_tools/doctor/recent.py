@@ -1,11 +1,10 @@
 """What the checks find in the transforms that arrive, while a program listens."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from math import inf
 from time import thread_time
 from typing import TYPE_CHECKING
 
-from puretf._causes.facts import Heard
 from puretf.transform_table import Message, transform_tables, TransformTable
 from puretf_tools.doctor.checks import diagnose, Finding, SEVERITIES
 from puretf_tools.doctor.observation import listened, Observation
@@ -14,11 +13,14 @@ from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection.traffic import SETTLING
 
 if TYPE_CHECKING:
+    from puretf.publisher_listener import Received, TransformSampler
     from puretf_tools.inspection.frame_listener import FrameListener
 
 #: The time between two examinations, what they look at, and what is over if it is not found in the
 #: last part of it (s). An examination is followed by a rest of `_REST` times as long.
 _PERIOD, _LENGTH, _LAST, _REST = 3.0, 30.0, 6.0, 19.0
+#: The largest number of messages that wait for an examination; more only of static transforms.
+_MOST_WAITING = 10_000
 #: The largest number of transforms that are kept; a table counts as some more.
 _MOST, _TABLE = 300_000, 10
 #: Of a frame that is sent too seldom now, it is not known whether these are over.
@@ -31,41 +33,48 @@ _Static = dict[tuple[str, str], TransformTable]
 class RecentFindings:
     """The findings in what has arrived in the last half minute."""
 
-    def __init__(self, listener: 'FrameListener') -> None:
-        self._listener, self._pulse = listener, listener.pulse
+    def __init__(self, listener: 'FrameListener', others: 'TransformSampler') -> None:
+        """Examine nothing yet; `others`: listens to other topics of transforms."""
+        self._listener, self._others, self._pulse = listener, others, listener.pulse
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
+        #: What was received since the last examination, and whether some was lost before.
+        self._waiting: list[Message] = []
+        self._has_lost = False
         #: When transforms were received (s), and these; the static ones before.
         self._tables: list[tuple[float, TransformTable]] = []
         self._before: _Static = {}
         self.findings: Sequence[Finding] = ()  #: those that are over come last
         self.verdict = ''
 
-    def update(self, messages: Iterable[Message], is_complete: bool,
-               others: Callable[[float], Sequence[Heard]], now: float) -> None:
+    def update(self, received: 'Received', now: float) -> bool:
         """
-        Examine the messages of the last half minute.
+        Examine the messages of the last half minute if that takes 5 % of the time at most.
 
-        :param messages: those since the last call.
-        :param is_complete: False if messages before these were lost.
-        :param others: returns what was heard on other topics since a time (s).
+        :param received: the messages since the last call.
         :param now: on the monotonic clock (s).
+        :returns: whether they were examined.
         """
+        self._waiting += received.messages
+        self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING
+        if now < self._next:
+            return False
         begin, self._begin = thread_time(), min(self._begin, now)
-        if not is_complete:
+        self._others.poll()
+        if self._has_lost:
             self._before, self._tables = self._parts(inf)
-        self._tables += ((now, table) for table in transform_tables(messages))
+        before = [each for each in self._waiting[:-_MOST_WAITING] if each.is_static]
+        self._tables += ((now, table) for table in transform_tables(
+            before + self._waiting[-_MOST_WAITING:]))
+        self._waiting, self._has_lost = [], False
         count, oldest = 0, now - _LENGTH + _PERIOD
         for time, table in reversed(self._tables):
             count += table.stamps.size + _TABLE
             if count > _MOST and time < now:
                 oldest = max(oldest, time)
         self._before, self._tables = self._parts(oldest)
-        self._examine(others, now)
+        self._examine(now)
         self._next = now + max(_PERIOD, _REST * (thread_time() - begin))
-
-    def is_due(self, now: float) -> bool:
-        """Return whether `update` is to be called, so that it takes 5 % of the time at most."""
-        return now >= self._next
+        return True
 
     def _parts(self, time: float) -> tuple[_Static, list[tuple[float, TransformTable]]]:
         """Return the static transforms before a time (s), and what was received after it."""
@@ -78,21 +87,20 @@ class RecentFindings:
         return {key: table for key, table in static.items()
                 if self._listener.is_present(key[0]) is not False}, after
 
-    def _observed(self, others: Callable[[float], Sequence[Heard]], now: float, time: float
-                  ) -> Observation:
+    def _observed(self, now: float, time: float) -> Observation:
         """Return what was received after a time (s)."""
         listener, (static, after) = self._listener, self._parts(time)
         statistics = Statistics(SETTLING, listener.clock)
         for table in (*static.values(), *(table for _, table in after)):
             statistics.add(table)
         return listened(listener, statistics, '', now - self._begin, {**_NOT_KNOWN},
-                        other_transforms=others(time), late=self._pulse.late(_LENGTH))
+                        other_transforms=self._others.heard(time), late=self._pulse.late(_LENGTH))
 
-    def _examine(self, others: Callable[[float], Sequence[Heard]], now: float) -> None:
-        observed = self._observed(others, now, now - _LENGTH)
+    def _examine(self, now: float) -> None:
+        observed = self._observed(now, now - _LENGTH)
         found = diagnose(observed, ignored=['no_transforms'])
         if found and now >= self._begin + _LAST:
-            observed = self._observed(others, now, now - _LAST)
+            observed = self._observed(now, now - _LAST)
         still, findings = diagnose(observed) if found else [], []
         regular = {each.child for each in observed.tracks if each.stream.steps >= FEWEST}
         for each in found:

@@ -6,7 +6,6 @@ from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
 from puretf import exact_time, Frame, SECOND, Transform, TransformBuffer, TransformException
-from puretf.transform_table import Message
 from puretf_tools.doctor.checks import Finding
 from puretf_tools.doctor.recent import RecentFindings
 from puretf_tools.inspection.bag_times import both, span_of
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 Descriptions = Mapping[str, DescriptionOrWhy]  #: of robots, by topic
 #: The length of a trail, and how long a live buffer keeps transforms: for the plots (s).
 LENGTH, _KEPT = 20, 120
-#: The largest number of messages that are examined at a time; more only of static transforms.
-_MOST_WAITING = 10_000
 
 
 class Player:
@@ -212,11 +209,8 @@ class LiveFeed(Feed):
         from puretf_tools.robot.description_listener import DescriptionListener
         self._frame_listener = FrameListener(node, _KEPT)
         self._traffic = Traffic(self._frame_listener.clock)
-        self._recent = RecentFindings(self._frame_listener)
-        self._others = TransformSampler(node, self._frame_listener.topics)
-        #: What was received since the last examination, and whether some was lost before.
-        self._waiting: list[Message] = []
-        self._has_lost = False
+        self._recent = RecentFindings(
+            self._frame_listener, TransformSampler(node, self._frame_listener.topics))
         self.descriptions = DescriptionListener(
             node, self._frame_listener.topics[0].rpartition('/')[0]
         ).descriptions if descriptions is None else lambda: descriptions
@@ -229,14 +223,7 @@ class LiveFeed(Feed):
     def watch(self, now: float) -> None:
         received = self._frame_listener.dated()
         self._traffic.observe(received.messages)
-        self._waiting += received.messages
-        self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING
-        if self._recent.is_due(now):
-            self._others.poll()
-            before = [each for each in self._waiting[:-_MOST_WAITING] if each.is_static]
-            self._recent.update(before + self._waiting[-_MOST_WAITING:], not self._has_lost,
-                                self._others.heard, now)
-            self._waiting, self._has_lost = [], False
+        if self._recent.update(received, now):
             self.findings, self.verdict = self._recent.findings, self._recent.verdict
             self.hint = self._frame_listener.topics_hint()
 

@@ -18,6 +18,7 @@ from puretf_tools.doctor.tf_statistics import Statistics
 from puretf_tools.inspection.stamp_clock import StampClock
 
 if TYPE_CHECKING:
+    from puretf.publisher_listener import Received, TransformSampler
     from puretf_tools.inspection.frame_listener import FrameListener
 
 S = 10**9
@@ -79,8 +80,12 @@ class Listened:
 
     def __init__(self):
         """Begin at T, with a static transform."""
-        self.listener, self.heard, self.is_complete = Listener(), [], True
-        self.recent = RecentFindings(cast('FrameListener', self.listener))
+        self.listener, self.heard = Listener(), list[tuple[float, Heard]]()
+        self.dropped, self.next = 0, 1003.0
+        others = SimpleNamespace(poll=int, heard=lambda since: [
+            each for time, each in self.heard if time > since])
+        self.recent = RecentFindings(cast('FrameListener', self.listener),
+                                     cast('TransformSampler', others))
         self.waiting = [message('static', T, 'map', 'odom', is_static=True)]
 
     @property
@@ -97,11 +102,14 @@ class Listened:
         for i in range(round(seconds * 20)):
             self.waiting += send(self.listener.time, i)
             self.listener.time += TICK
-            if self.now >= 1003.0 and self.recent.is_due(self.now):
-                self.recent.update(self.waiting, self.is_complete, lambda since: [
-                    each for time, each in self.heard if time > since], self.now)
-                self.waiting, self.is_complete = [], True
+            if self.now >= self.next and self.update(self.now):
+                self.next = self.now + 3.0
         return {each.code: each for each in self.recent.findings}
+
+    def update(self, now):
+        received = cast('Received', SimpleNamespace(messages=self.waiting, dropped=self.dropped))
+        self.waiting, self.dropped = [], 0
+        return self.recent.update(received, now)
 
 
 @pytest.fixture(autouse=True, scope='module')
@@ -260,7 +268,7 @@ def test_messages_that_were_lost(listened):
     """They are no gap: all begins again, with the static transforms."""
     for _ in range(4):
         listened.after(3)
-        listened.waiting, listened.is_complete = [], False
+        listened.waiting, listened.dropped = [], 1
         listened.listener.time += 5 * S
         assert not listened.after(3)  # such as several_trees
 
@@ -268,11 +276,9 @@ def test_messages_that_were_lost(listened):
 def test_the_rest_after_an_examination(listened, monkeypatch):
     """It is 19 times as long as the examination, so that it takes 5 % of a core."""
     from puretf_tools.doctor import recent
-    spent = iter([0.0, 1.0])
+    spent = iter([0.0, 1.0, 1.0, 1.0])
     monkeypatch.setattr(recent, 'thread_time', lambda: next(spent))
-    listened.recent.update([], True, lambda _: [], 1100.0)
-    assert not listened.recent.is_due(1118.9)
-    assert listened.recent.is_due(1119.1)
+    assert [listened.update(now) for now in (1100.0, 1118.9, 1119.1)] == [True, False, True]
 
 
 #: Of each node, the frames in its messages; then what each of the nodes sends in 3 s: of which of
