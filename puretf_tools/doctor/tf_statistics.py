@@ -82,7 +82,7 @@ class Statistics:
         self.settling, self.clock = settling, clock or StampClock()
         #: By child, publisher and topic (True: static), in the order of their numbers.
         self._tracks: dict[tuple[str, str, bool], Track] = {}
-        self._values: Any = np.zeros(16, _FIELDS)  #: by the number of the track
+        self._values: Any = np.zeros(_MOST_TRACKS, _FIELDS)  #: by the number of the track
         #: The number of counted transforms, and of those left out as there are too many tracks.
         self.count = self.not_counted = 0
         self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
@@ -189,8 +189,6 @@ class Statistics:
             if number >= _MOST_TRACKS:
                 self.not_counted += len(table.times)
                 return None
-            if number == len(self._values):
-                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
             self._tracks[key] = Track(number, *key, self)
         track = self._tracks[key]
         track.switches += bool(track.parents) and next(reversed(track.parents)) != names[0]
