@@ -248,7 +248,7 @@ def _times(stamps: NDArray[np.int64], span: tuple[int, int], every: Optional[int
         if count > MAX_ROWS:
             raise UsageError(f'--every {every / SECOND:g} would give {count} rows, and at most '
                              f'{MAX_ROWS} are possible: choose at least '
-                             f'{1.05 * (last - first) / MAX_ROWS / SECOND:.2g} s')
+                             f'{1.1 * (last - first) / MAX_ROWS / SECOND:.2g} s')
         stamps = min(first, last) + every * np.arange(count, dtype=np.int64)
     stamps = stamps[(stamps >= first) & (stamps <= last)]
     if not len(stamps):

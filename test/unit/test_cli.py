@@ -504,14 +504,6 @@ def walk(bags, tmp_path):
     return str(bags.file_of(bags.make(tmp_path, 'mcap', bags.walk(10))))
 
 
-@pytest.fixture
-def cut_off(walk):
-    """The path of a bag that is cut off."""
-    with open(walk, 'r+b') as file:
-        file.truncate(os.path.getsize(walk) - 100)
-    return walk
-
-
 def read(*arguments):
     """Read the bag that some arguments name; return the buffer, or the time to listen (s)."""
     parser = Parser('tool', '')
@@ -526,12 +518,15 @@ def read(*arguments):
         return bag.read()
 
 
-def test_bag_options(cut_off):
+def test_bag_options(walk):
     """They are one argument of the command; without it, there is a time to listen."""
     assert (read(), read('--time', '7', '-t', '1.5')) == (5.0, 7.0)
-    assert read('--partial', '--bag', cut_off, '-t', '+1').can_transform('map', 'base_link', 0)
+    with pytest.raises(CommandError, match='/robot/tf'):
+        read('--bag', walk, '--namespace', 'robot')
+    os.truncate(walk, os.path.getsize(walk) - 100)
+    assert read('--partial', '--bag', walk, '-t', '+1').can_transform('map', 'base_link', 0)
     with pytest.raises(CommandError, match=r'^[^\n]*--partial[^\n]*$'):
-        read('--bag', cut_off)
+        read('--bag', walk)
 
 
 @pytest.mark.parametrize(('arguments', 'bag', 'frames'), [
@@ -553,12 +548,6 @@ def test_several_bags_and_frames(tmp_path, arguments, bag, frames):
     given = parser.parse_args(parser.prepare(arguments.format(tmp_path).split()))
     assert given.bag == bag.format(tmp_path).split()
     assert given.frames == frames.format(tmp_path).split()
-
-
-def test_the_topics_of_a_bag(walk):
-    """The namespace of the option is used."""
-    with pytest.raises(CommandError, match='/robot/tf'):
-        read('--bag', walk, '--namespace', 'robot')
 
 
 @pytest.mark.parametrize(('arguments', 'error', 'text'), [
@@ -597,10 +586,11 @@ def test_a_signal_ends_the_reading(walk):
 
 @pytest.mark.parametrize(('command', 'begin'), [
     ('tf2_echo map base_link', 'At time 110.000000000\n'), ('view_frames --text', 'map\n'),
-    ('tf_doctor', 'not checked: ')])
-def test_a_bag_without_ros(walk, command, begin):
+    ('tf_doctor', 'not checked: '), ('tf_trajectory map base_link -o x.csv', 'wrote x.csv: ')])
+def test_a_bag_without_ros(walk, tmp_path, command, begin):
     """Where stdout cannot encode the lines of the tree, as on Windows, they are replaced."""
     done = subprocess.run(
         [sys.executable, *tool_without_ros(*command.split(), '--bag', walk)], text=True,
-        env={**os.environ, 'PYTHONIOENCODING': 'cp1252'}, capture_output=True, check=True)
+        cwd=tmp_path, env={**os.environ, 'PYTHONIOENCODING': 'cp1252'},
+        capture_output=True, check=True)
     assert (done.stdout[:len(begin)], done.stderr) == (begin, '')

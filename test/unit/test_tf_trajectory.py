@@ -87,27 +87,17 @@ def run(capsys):
     return call
 
 
-def test_a_bag_without_ros(arm_bag, tmp_path):
-    """There is a row for each stamp, and the poses are those of the arm."""
-    done = subprocess.run(
-        [sys.executable, *tool_without_ros('tf_trajectory', '--bag', arm_bag, *FRAMES, '-o',
-                                           'arm.csv')],
-        cwd=tmp_path, text=True, capture_output=True, check=True)
-    assert (done.stdout, done.stderr) == (
-        'wrote arm.csv: 101 rows from 1700000000.000000000 s to 1700000005.000000000 s\n', '')
-    header, stamps, numbers = read_csv((tmp_path / 'arm.csv').read_text())
+def test_the_table(run, arm_bag, monkeypatch, tmp_path):
+    """There is a row for each stamp, and the poses are those of the arm; in a file, or printed."""
+    monkeypatch.chdir(tmp_path)
+    summary = '101 rows from 1700000000.000000000 s to 1700000005.000000000 s\n'
+    assert run('--bag', arm_bag, *FRAMES, '-o', 'arm.csv') == (f'wrote arm.csv: {summary}', '')
+    text = (tmp_path / 'arm.csv').read_text()
+    assert run('--bag', arm_bag, *FRAMES) == (text, f'tf_trajectory: {summary}')
+    header, stamps, numbers = read_csv(text)
     assert header == POSE
     assert stamps.tolist() == [BEGIN + 50 * MS * i for i in range(101)]
     assert_is_hand(stamps, numbers)
-
-
-def test_the_table_is_printed_and_the_summary_is_on_stderr(run, arm_bag, tmp_path):
-    """So the table can be piped into another program."""
-    output, error = run('--bag', arm_bag, *FRAMES)
-    run('--bag', arm_bag, *FRAMES, '-o', f'{tmp_path}/arm.csv')
-    assert output == (tmp_path / 'arm.csv').read_text()
-    assert error == (
-        'tf_trajectory: 101 rows from 1700000000.000000000 s to 1700000005.000000000 s\n')
 
 
 def test_the_file_of_evo(run, arm_bag, tmp_path):
@@ -346,23 +336,6 @@ def test_without_matplotlib(failed, monkeypatch, run, arm_bag, tmp_path):
     run('--bag', arm_bag, *FRAMES, '-o', str(tmp_path / 'arm.npz'))
 
 
-def test_too_many_rows(failed, arm_bag, tmp_path):
-    """The error names an interval that is possible."""
-    code, line = failed(tf_trajectory.main, '--bag', arm_bag, *FRAMES, '--every', '1e-7', '-o',
-                        str(tmp_path / 'x.csv'))
-    assert code == 2
-    assert line == ('tf_trajectory: --every 1e-07 would give 50000001 rows, and at most 10000000 '
-                    'are possible: choose at least 5.2e-07 s\n')
-
-
-def test_what_a_bag_does_not_have(failed, arm_bag):
-    """The exit code is 1; the error says what the bag contains instead."""
-    code, error = failed(tf_trajectory.main, '--bag', arm_bag, 'map', 'end_efector')
-    assert code == 1
-    assert "does not exist. Nearest known: 'end_effector'" in error
-    assert error.count('\n') == 1
-
-
 @pytest.mark.parametrize(('ending', 'every'), [
     ('csv', ['--every', '0.0005']), ('npz', ['--every', '0.0005']), ('png', [])])
 def test_a_signal_leaves_no_partial_file(failed, monkeypatch, arm_bag, there, ending, every):
@@ -426,29 +399,30 @@ def test_equal_distances_in_a_window(run, walk_bag):
     np.testing.assert_allclose(numbers[:, 0], stamps / S - 100.0)
 
 
-@pytest.mark.parametrize('window', [
-    ['--start', '+20'], ['--stop', '99'], ['--start', '100.01', '--stop', '100.02'],
-    ['--start', '9000000000', '--every', '1']])
-def test_an_empty_window(failed, walk_bag, window):
-    """The error says when the bag is, in both forms of time."""
-    assert failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link', *window) == (
-        1, 'tf_trajectory: there is no row in this time: the bag is from 100.000000000 to +10 s, '
-        '110.000000000\n')
+#: By part of the error: the exit code, and arguments.
+FAULTS = {
+    'tf_trajectory: there is no row in this time: the bag is from 100.000000000 to +10 s, '
+    '110.000000000\n': (1, ['--start +20', '--stop 99', '--start 100.01 --stop 100.02',
+                           '--start 9000000000 --every 1']),
+    'tf_trajectory: --start must not be after --stop\n': (2, ['--start +2 --stop 101']),
+    'tf_trajectory: 1.000000000 is outside of the bag, ': (2, ['--start 1', '--stop 1']),
+    '; for seconds after its start, write + before them\n': (2, ['--start 1', '--stop 1']),
+    'tf_trajectory: --every 1e-07 would give 100000001 rows, and at most 10000000 are possible: '
+    'choose at least 1.1e-06 s\n': (2, ['--every 1e-7'])}
 
 
-def test_a_window_that_ends_before_it_begins(failed, walk_bag):
-    """Whether it does is known when the bag has been read."""
-    assert failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link', '--start', '+2',
-                  '--stop', '101') == (2, 'tf_trajectory: --start must not be after --stop\n')
-
-
-@pytest.mark.parametrize('option', ['--start', '--stop'])
-def test_seconds_after_the_start_without_a_plus(failed, walk_bag, option):
-    """They would be a stamp of 1970."""
-    code, error = failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link', option, '1')
-    assert code == 2
-    assert error.startswith('tf_trajectory: 1.000000000 is outside of the bag, ')
-    assert error.endswith('; for seconds after its start, write + before them\n')
+@pytest.mark.parametrize('text', FAULTS)
+def test_what_a_bag_does_not_have(failed, walk_bag, text):
+    """The error is one line that says what the bag has instead, or what is possible."""
+    exit_code, each = FAULTS[text]
+    for arguments in each:
+        code, error = failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_link',
+                             *arguments.split())
+        assert (code, error.count('\n')) == (exit_code, 1)
+        assert text in error
+    code, error = failed(tf_trajectory.main, '--bag', walk_bag, 'odom', 'base_lnk')
+    assert (code, error.count('\n')) == (1, 1)
+    assert "does not exist. Nearest known: 'base_link'" in error
 
 
 def scans(*stamps, frame='odom', kind='mcap'):
