@@ -5,7 +5,7 @@ from functools import partial
 import sys
 from typing import Optional
 
-from puretf_tools.cli.parser import Parser, run, UsageError
+from puretf_tools.cli.parser import add_namespace_option, Parser, run, UsageError
 
 
 def run_with_file(parser: Parser, command: Callable[..., int], args: Optional[Sequence[str]],
@@ -16,6 +16,7 @@ def run_with_file(parser: Parser, command: Callable[..., int], args: Optional[Se
     :param command: gets `file`, and `arguments`: the values of the arguments by name.
     :param default: what the command reads without a file.
     """
+    add_namespace_option(parser, 'use', 'tf', 'tf_static', 'joint_states', 'robot_description')
     parser.add_argument('file', nargs='?', help='a URDF file, or a .xacro file if xacro is '
                         'installed, followed by its arguments: NAME:=VALUE'
                         f'{default and f" (default: {default})"}')

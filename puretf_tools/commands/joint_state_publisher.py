@@ -9,7 +9,7 @@ from puretf._text.names import shortened
 from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.node import spinning_node
 from puretf_tools.cli.page_options import add_page_options
-from puretf_tools.cli.parser import add_namespace_option, Parser
+from puretf_tools.cli.parser import Parser
 from puretf_tools.robot import parse, read
 from puretf_tools.robot.observed import TOPIC
 
@@ -47,5 +47,4 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '  use_sim_time  take the time from /clock (default false)\n\n'
         'examples: joint_state_publisher\n          joint_state_publisher my_robot.urdf')
     add_page_options(parser)
-    add_namespace_option(parser, 'use', 'tf', 'tf_static', 'joint_states', 'robot_description')
     return run_with_file(parser, command, args, 'the description on robot_description')

@@ -5,7 +5,7 @@ from typing import Optional
 
 from puretf_tools.cli.description_file import run_with_file
 from puretf_tools.cli.node import run_node
-from puretf_tools.cli.parser import add_namespace_option, Parser, UsageError
+from puretf_tools.cli.parser import Parser, UsageError
 from puretf_tools.robot import read
 from puretf_tools.robot.state_publisher import RobotStatePublisher
 
@@ -37,5 +37,4 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '  use_sim_time       take the time from /clock (default false)\n\n'
         'examples: robot_state_publisher my_robot.urdf --ros-args -p publish_frequency:=50\n'
         '          robot_state_publisher my_robot.urdf.xacro length:=0.5')
-    add_namespace_option(parser, 'use', 'tf', 'tf_static', 'joint_states', 'robot_description')
     return run_with_file(parser, command, args)
