@@ -54,7 +54,7 @@ def page(buffer):
 
 
 def test_numbers_move_the_handles_and_handles_the_numbers(page):
-    """The handles are in the parent; roll, pitch and yaw are about fixed axes."""
+    """In the parent, about fixed axes; numbers are rounded to 1 mm and 0.01 degrees."""
     viewer = page.viewer
     viewer.set('Parent', 'base')
     viewer.set('x, y, z (m)', [1, 2.5, 0])
@@ -74,6 +74,9 @@ def test_numbers_move_the_handles_and_handles_the_numbers(page):
     move(page.feed.buffer, 'odom', 'base', 4.0)  # the handles stay in their parent
     page.until(lambda: viewer.nodes[PARENT]['position'] == pytest.approx([1, 4, 0]))
     assert viewer.value('x, y, z (m)') == [0.123, -1, 0]
+    viewer.set('x, y, z (m)', [1, 2, 0.00049])
+    viewer.set('RPY (°)', [720.001, 0, 0])
+    page.until(lambda: '--x 1.0 --y 2.0 --roll 12.566370614 --' in text(page, 'command'))
 
 
 def test_integers_of_a_browser(page):
@@ -84,15 +87,6 @@ def test_integers_of_a_browser(page):
     for x in 0.5, 0:
         viewer.set('x, y, z (m)', [x, 0, 0])
         page.until(lambda x=x: viewer.nodes[HANDLES].get('position') == [x, 0, 0])
-
-
-def test_numbers_are_rounded(page):
-    """To 1 mm and 0.01 degrees."""
-    viewer = page.viewer
-    viewer.set('x, y, z (m)', [1, 2, 0.00049])
-    page.until(lambda: viewer.value('x, y, z (m)') == [1, 2, 0])
-    viewer.set('RPY (°)', [720.001, 0, 0])
-    page.until(lambda: '--x 1.0 --y 2.0 --roll 12.566370614 --' in text(page, 'command'))
 
 
 def test_it_is_published_while_publish_is_on(page):

@@ -116,19 +116,6 @@ def test_a_bag_is_drawn(bags, capsys, make_bag, there, kind, publisher):
         assert words in text
 
 
-def test_the_tree_of_a_bag(bags, capsys, make_bag):
-    """Ages are relative to the end of the bag."""
-    bag = make_bag('bag', [
-        *bags.walk(), ('/tf', 120 * bags.S, [bags.row(99 * bags.S, 'odom', 'cup')])])
-    assert main(['--text', '--bag', bag]) == 0
-    assert capsys.readouterr() == (
-        'map\n'
-        '└── odom              static                 /sender\n'
-        '    ├── base_link    10.0 Hz    0.000 s old  /sender\n'
-        '    └── cup             ? Hz   11.000 s old  /sender\n'
-        'ages are relative to the end of the bag, 110.000000000 s\n', '')
-
-
 @pytest.fixture
 def house(bags, make_bag):
     """A bag with a tree, a loop, and branches that end at different times."""
