@@ -6,6 +6,7 @@ from math import hypot
 from secrets import token_hex
 from typing import Optional
 
+import rclpy
 from rclpy.node import Node
 
 from puretf import StaticTransformBroadcaster, Transform
@@ -22,28 +23,6 @@ OLD_EULER = (*TRANSLATION, 'yaw', 'pitch', 'roll')
 OLD_QUATERNION = (*TRANSLATION, *QUATERNION)
 #: The squared length of a quaternion must differ from 1 by less than this value, as in tf2.
 _TOLERANCE = 0.01
-
-
-class StaticTransformPublisher(Node):
-    """A node that publishes one static transform."""
-
-    def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
-                 child_frame_id: str, is_old_style: bool = False) -> None:
-        # As in tf2, the end of the name is random, so that several of these nodes can run at once.
-        super().__init__(f'static_transform_publisher_{token_hex(8)}')
-        if is_old_style:
-            self.get_logger().warning(
-                'Old-style arguments are deprecated; see --help for new-style arguments')
-        x, y, z = translation
-        qx, qy, qz, qw = rotation
-        self._broadcaster = StaticTransformBroadcaster(self)
-        self._broadcaster.sendTransform(Transform(
-            self.get_clock().now().nanoseconds, frame_id, child_frame_id, (x, y, z),
-            (qx, qy, qz, qw)).to_message())
-        self.get_logger().info(
-            'Spinning until stopped - publishing transform\n'
-            f'translation: ({_listed(translation)})\nrotation: ({_listed(rotation)})\n'
-            f"from '{frame_id}' to '{child_frame_id}'")
 
 
 def _listed(values: Sequence[float]) -> str:
@@ -68,8 +47,24 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
         raise UsageError(
             f'the length of the quaternion {" ".join(f"{value:g}" for value in rotation)} must be '
             f'1, not {length:g}; did you mean {" ".join(f"{value:.6g}" for value in unit)}?')
-    return run_node(lambda: StaticTransformPublisher(
-        translation, unit, frame_id, child_frame_id, is_old_style), ros_args, namespace)
+    (x, y, z), (qx, qy, qz, qw) = translation, unit
+
+    def make_node() -> Node:
+        # As in tf2, the end of the name is random, so that several of these nodes can run at once.
+        node = rclpy.create_node(f'static_transform_publisher_{token_hex(8)}')
+        if is_old_style:
+            node.get_logger().warning(
+                'Old-style arguments are deprecated; see --help for new-style arguments')
+        StaticTransformBroadcaster(node).sendTransform(Transform(
+            node.get_clock().now().nanoseconds, frame_id, child_frame_id, (x, y, z),
+            (qx, qy, qz, qw)).to_message())
+        node.get_logger().info(
+            'Spinning until stopped - publishing transform\n'
+            f'translation: ({_listed(translation)})\nrotation: ({_listed(unit)})\n'
+            f"from '{frame_id}' to '{child_frame_id}'")
+        return node
+
+    return run_node(make_node, ros_args, namespace)
 
 
 def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Optional[str],
