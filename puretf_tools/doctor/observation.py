@@ -119,8 +119,6 @@ class Observation:
         #: Those `robots` whose namespace is that of `topics`, and the prefix of their frames.
         self.own_robots = [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
                            for robot in self.robots if self.is_own(robot.topic)]
-        if self.statistics.not_counted:
-            self.not_known['headers'] = 'there are too many frames'
         self._add_left_out()
         moving = [track for track in self.tracks if not track.stream.is_frozen]
         if self.has_record_times and 2 * total(moving, 'foreign') > total(
@@ -132,6 +130,7 @@ class Observation:
 
     def _add_left_out(self) -> None:
         if self.statistics.not_counted:
+            self.not_known['headers'] = 'there are too many frames'
             self.left_out.append(
                 f'{self.statistics.not_counted} transforms: there are too many frames')
         for error, count in self.statistics.malformed.most_common(SHOWN):

@@ -120,6 +120,16 @@ class Scene:
         turn = viser.transforms.SO3.from_z_radians(self._yaw)
         return np.asarray(turn.apply(points)) + self._shift
 
+    def _pixels(self, points: Floats, camera: viser.CameraHandle) -> Floats:
+        """Return where a camera sees points (n, 3): column, row (pixels), depth (m)."""
+        # The camera looks along its z axis; its y axis points down (as in viser's documentation).
+        x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(
+            self.in_scene(points) - camera.position).T
+        width, height = page_size(camera)
+        focal = height / 2 / np.tan(camera.fov / 2)
+        with np.errstate(all='ignore'):
+            return np.column_stack([width / 2 + focal * x / z, height / 2 + focal * y / z, z])
+
     def seen(self, placement: Placement, names: Collection[str]) -> Floats:
         """Return where frames are in the scene (m): (n, 3)."""
         return self.in_scene(placement.points[[name in names for name in placement.names]])
@@ -186,7 +196,7 @@ class Scene:
             return ''
         placement, display, labels = self.shown
         for name, (text, place) in labels.items():
-            (left, bottom, depth), = _pixels(self.in_scene(place[None]), camera)
+            (left, bottom, depth), = self._pixels(place[None], camera)
             if (depth > 0.0 and 0.0 <= x - left <= _LETTER * (len(text) + 2)
                     and 0.0 <= bottom - y <= 2 * _HALF_LINE):
                 return name
@@ -197,7 +207,7 @@ class Scene:
         along = viser.transforms.SO3(wxyzs).as_matrix().swapaxes(1, 2)[:, :, None] * np.linspace(
             0.0, display.size, 9)[:, None]
         points = (positions[:, None, None] + along).reshape(-1, 3)
-        *places, depths = _pixels(self.in_scene(points), camera).T
+        *places, depths = self._pixels(points, camera).T
         distances = np.where((depths > 0.0) & np.repeat(scales > 0.0, 27),
                              np.hypot(places[0] - x, places[1] - y), np.inf)
         best = int(distances.argmin())
@@ -208,9 +218,8 @@ class Scene:
         if isinstance(self._owner, viser.ClientHandle):
             # Names that are shown stay, so that they do not flicker.
             first = [selected, *(name for name, label in self._labels.items() if label.visible)]
-            shown = _without_overlap(
-                {**{name: shown[name] for name in first if name in shown}, **shown},
-                self._owner.camera, self.in_scene)
+            ordered = {**{name: shown[name] for name in first if name in shown}, **shown}
+            shown = self._without_overlap(ordered, self._owner.camera)
         self.shown = placement, display, shown
         for name in self._labels.keys() - shown.keys():
             self._labels[name].visible = False
@@ -226,6 +235,20 @@ class Scene:
             x, y, z = position.tolist()
             if not label.visible or (x, y, z) != (*label.position.tolist(),):
                 self._put(label, (x, y, z))
+
+    def _without_overlap(self, labels: dict[str, _Label], camera: viser.CameraHandle
+                         ) -> dict[str, _Label]:
+        """Leave out labels that would cover earlier ones, as seen by a camera."""
+        places = np.array([place for _, place in labels.values()]).reshape(-1, 3)
+        taken, kept = set[tuple[float, float]](), {}
+        for (name, label), (x, y, depth) in zip(
+                labels.items(), self._pixels(places, camera).tolist()):
+            cells = {(x // _LETTER + i, y // _HALF_LINE - j) for i in range(len(label[0]) + 2)
+                     for j in range(3) if depth > 0.0}  # none behind the camera
+            if taken.isdisjoint(cells):
+                taken |= cells
+                kept[name] = label
+        return kept
 
     def _show_trail(self, trail: Pieces, background: NDArray[Any]) -> None:
         for name in [name for name in self._segments if name.startswith('trail/')]:
@@ -268,29 +291,3 @@ def _labels(placement: Placement, display: Display) -> dict[str, _Label]:
             texts.setdefault(labels.get(name, name), []).append(shortened(name, _LONGEST_NAME))
     return {name: (comma_list(names, shown=2), points[name])
             for name, names in texts.items()}
-
-
-def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle,
-                     in_scene: Callable[[Floats], Floats]) -> dict[str, _Label]:
-    """Leave out labels that would cover earlier ones, as seen by a camera in the scene."""
-    if not labels:
-        return labels
-    pixels = _pixels(in_scene(np.array([position for _, position in labels.values()])), camera)
-    taken, kept = set[tuple[float, float]](), {}
-    for (name, label), (x, y, depth) in zip(labels.items(), pixels.tolist()):
-        cells = {(x // _LETTER + i, y // _HALF_LINE - j) for i in range(len(label[0]) + 2)
-                 for j in range(3) if depth > 0.0}  # none behind the camera
-        if taken.isdisjoint(cells):
-            taken |= cells
-            kept[name] = label
-    return kept
-
-
-def _pixels(points: Floats, camera: viser.CameraHandle) -> Floats:
-    """Return where a camera sees points (n, 3) of the scene: column, row (pixels), depth (m)."""
-    # The camera looks along its z axis; its y axis points down (as in viser's documentation).
-    x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points - camera.position).T
-    width, height = page_size(camera)
-    focal = height / 2 / np.tan(camera.fov / 2)
-    with np.errstate(all='ignore'):
-        return np.column_stack([width / 2 + focal * x / z, height / 2 + focal * y / z, z])
