@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 #: The time between two examinations, what they look at, and what is over if it is not found in the
 #: last part of it (s). An examination is followed by a rest of `_REST` times as long.
 _PERIOD, _LENGTH, _LAST, _REST = 3.0, 30.0, 6.0, 19.0
-#: The largest number of messages that wait for an examination; more only of static transforms.
+#: With more messages, an examination does not wait.
 _MOST_WAITING = 10_000
 #: The largest number of transforms that are kept; a table counts as some more.
 _MOST, _TABLE = 300_000, 10
@@ -37,9 +37,7 @@ class RecentFindings:
         """Examine nothing yet; `others`: listens to other topics of transforms."""
         self._listener, self._others, self._pulse = listener, others, listener.pulse
         self._begin, self._next = inf, 0.0  # of the first examination, and of the next one (s)
-        #: What was received since the last examination, and whether some was lost before.
-        self._waiting: list[Message] = []
-        self._has_lost = False
+        self._waiting: list[Message] = []  #: those since the last examination
         #: When transforms were received (s), and these; the static ones before.
         self._tables: list[tuple[float, TransformTable]] = []
         self._before: _Static = {}
@@ -48,24 +46,23 @@ class RecentFindings:
 
     def update(self, received: 'Received', now: float) -> bool:
         """
-        Examine the messages of the last half minute if that takes 5 % of the time at most.
+        Examine the messages of the last half minute, if it is time to.
+
+        That takes 5 % of the time at most, unless there are very many messages.
 
         :param received: the messages since the last call.
         :param now: on the monotonic clock (s).
         :returns: whether they were examined.
         """
         self._waiting += received.messages
-        self._has_lost |= received.dropped > 0 or len(self._waiting) > _MOST_WAITING
-        if now < self._next:
+        if received.dropped:
+            self._before, self._tables = self._parts(inf)
+        if now < self._next and len(self._waiting) <= _MOST_WAITING:
             return False
         begin, self._begin = thread_time(), min(self._begin, now)
         self._others.poll()
-        if self._has_lost:
-            self._before, self._tables = self._parts(inf)
-        before = [each for each in self._waiting[:-_MOST_WAITING] if each.is_static]
-        self._tables += ((now, table) for table in transform_tables(
-            before + self._waiting[-_MOST_WAITING:]))
-        self._waiting, self._has_lost = [], False
+        self._tables += ((now, table) for table in transform_tables(self._waiting))
+        self._waiting = []
         count, oldest = 0, now - _LENGTH + _PERIOD
         for time, table in reversed(self._tables):
             count += table.stamps.size + _TABLE
