@@ -177,14 +177,12 @@ class Program:
             self._original.name.isidentifier() and (self._folder / '__init__.py').is_file())
         self._arguments = ['-c', _RUN + (_AS_MODULE if is_module else _AS_FILE) + (
             '["main"]()' * _has_uncalled_main(tree))]
-        site = Path(directory, 'site')
-        site.mkdir()
-        (site / 'sitecustomize.py').write_text(_ITS_OWN)
+        Path(directory, 'sitecustomize.py').write_text(_ITS_OWN)
         # `pkill -f dummy_arm.py` looks at command lines, but not at the environment.
         self._environment = {
             **os.environ, 'ROS_LOG_DIR': directory,
             'CHECK_ARM_PROGRAM': str(self._folder / self._name), 'PYTHONUNBUFFERED': '1',
-            'PYTHONPATH': f'{site}{os.pathsep}{os.environ.get("PYTHONPATH", site)}',
+            'PYTHONPATH': f'{directory}{os.pathsep}{os.environ.get("PYTHONPATH", directory)}',
             'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
         self._output = os.open(Path(directory, 'output'), os.O_CREAT | os.O_RDWR | os.O_APPEND)
 

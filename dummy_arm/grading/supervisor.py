@@ -98,8 +98,10 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         report = observer.report(program.int_line, '' if has_begun else program.place(), watch)
         program.check()
         fault = '' if report.passed else observer.listener.wrong_type_hint()
-        if not observer.publishers and not report.passed:
-            fault = _other_domain(domain) or fault
+        others = sorted({*ros_domains([each.pid for each in processes.descendants()])} - {domain})
+        if others and not observer.publishers and not report.passed:
+            fault = (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; '
+                     'the user sets the domain.')
         if not observer.messages and not fault and (nodes := observer.lifecycle_nodes()):
             fault = f'{comma_list(nodes)} is a lifecycle node: is it configured and activated?'
     finally:
@@ -107,10 +109,3 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
     first = report.first_failure
     return Grade(file, report, fault or report.reason, Verdict.NOT_OK if fault else
                  first.verdict if first else Verdict.OK)
-
-
-def _other_domain(domain: int) -> str:
-    """Return in which other ROS domain the program publishes; '' if in none."""
-    others = sorted({*ros_domains([each.pid for each in processes.descendants()])} - {domain})
-    return (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; the '
-            'user sets the domain.') if others else ''

@@ -359,13 +359,8 @@ def _look(reference: 'ref[Engine]') -> Surroundings:
 _engines: WeakSet[Engine] = WeakSet()
 
 
-def _after_fork() -> None:
-    for engine in _engines:
-        engine.after_fork()
-
-
 if hasattr(os, 'register_at_fork'):  # not on Windows
-    os.register_at_fork(after_in_child=_after_fork)
+    os.register_at_fork(after_in_child=lambda: [*map(Engine.after_fork, _engines)])
 
 
 def engine_of(buffer: Any) -> Engine:

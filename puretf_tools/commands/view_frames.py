@@ -101,11 +101,9 @@ def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> No
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
     forest = Forest(frames)
-    if root is None:
-        return forest
-    if root not in forest.names:
+    if root is not None and root not in forest.names:
         raise CommandError(f'frame {root!r} does not exist. {suggest_names(root, forest.names)}')
-    return forest.subtree(root)
+    return forest if root is None else forest.subtree(root)
 
 
 def output_path(output: str) -> Path:

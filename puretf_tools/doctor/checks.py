@@ -551,15 +551,15 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
 _Messages = list[tuple[MessageTimes, NDArray[np.bool_]]]
 
 
-def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
+def _found(observation: Observation, verdict: Verdict
            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
-    """Yield the topics with many messages of a verdict that wait so long (ns); and a mask."""
+    """Yield the topics with many messages of a verdict, if they wait `LONG_WAIT`; and a mask."""
     for topic in observation.message_times:
         if topic.topic in observation.off_clock:
             continue  # see message_other_clock
-        if verdict == Verdict.WAITS:
-            topic = _without_gaps(observation, topic)
-        found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
+        is_waiting = verdict == Verdict.WAITS
+        topic = _without_gaps(observation, topic) if is_waiting else topic
+        found = (topic.verdicts == verdict) & (topic.waits >= LONG_WAIT * is_waiting)
         if found.any() and found.sum() >= SHARE * topic.number_of(verdict):
             yield topic, found
 
@@ -574,11 +574,10 @@ def _without_gaps(observation: Observation, topic: MessageTimes) -> MessageTimes
     return topic._replace(verdicts=verdicts)
 
 
-def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
-             ) -> Iterable[tuple[str, _Messages]]:
+def _by_edge(observation: Observation, verdict: Verdict) -> Iterable[tuple[str, _Messages]]:
     """Group what `_found` yields by the child of the edge for which most messages wait."""
     groups: dict[str, _Messages] = {}
-    for topic, found in _found(observation, verdict, least_wait):
+    for topic, found in _found(observation, verdict):
         number = np.bincount(topic.edge_numbers[found], topic.waits[found] + 1).argmax()
         groups.setdefault(topic.children[number], []).append(
             (topic, found & (topic.edge_numbers == number)))
@@ -790,7 +789,7 @@ def _start_again(node: str) -> str:
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
     queues = {topic.topic: topic.queue() for topic in observation.message_times}  # as in the table
-    for child, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+    for child, topics in _by_edge(observation, Verdict.WAITS):
         first = min(int(topic.stamps[found].min()) for topic, found in topics)
         largest = max(topic.quantiles()[-1] for topic, _ in topics)
         size = max(queues[topic.topic] for topic, _ in topics)

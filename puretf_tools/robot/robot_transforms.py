@@ -84,7 +84,10 @@ class RobotTransforms:
             self._warned.difference_update(_OF_CLOCKS)
         self._now = now
         last = min([now, *(self._last.get(name, 0) for name in names)])
-        if not self.ignore_timestamp and stamp < last + self._interval():
+        # The shortest time between two messages (ns), in whole milliseconds.
+        interval = 1_000_000 * int(min(1000.0 / self.publish_frequency, _LONGEST_INTERVAL)
+                                   if self.publish_frequency else 0.0)
+        if not self.ignore_timestamp and stamp < last + interval:
             if stamp == 0:
                 self._warn_once('ignored a JointState message with the stamp 0: set its '
                                 'header.stamp, or the parameter ignore_timestamp')
@@ -135,12 +138,6 @@ class RobotTransforms:
             _IGNORED if is_doubtful else _ANSWERED, stamp, stamp - self._now, names,
             '. It is from before a reset of the clock, or the clock of its publisher differs')
         return is_doubtful
-
-    def _interval(self) -> int:
-        """Return the shortest time between two messages (ns); it is a multiple of 1 ms."""
-        if self.publish_frequency == 0.0:
-            return 0
-        return int(min(1000.0 / self.publish_frequency, _LONGEST_INTERVAL)) * 1_000_000
 
     def _transforms_at(self, positions: dict[str, float]) -> list[LinkTransform]:
         for joint in self._joints.values():
