@@ -243,6 +243,7 @@ NONSENSE = {
 }
 
 
+@pytest.mark.filterwarnings('ignore:Queued a', 'ignore:.viser.')  # of viser
 @pytest.mark.parametrize('message', NONSENSE.values(), ids=NONSENSE)
 def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
     """Another viewer can use the page, and nothing is printed but by the log."""
