@@ -89,7 +89,7 @@ MISTAKES = {
     'prints.py': HandIn(program(
         ('        now = self', '        print(9000 * "x")\n        now = self')), 'ok', ''),
     'turns.py': HandIn(program(('sin(speed * t)', 'sin(6.28 * speed * t)')), 'ok',
-                       r'^advice: speeds .* 1\.88 in place of 0\.3 rad.*is there a factor 2π'),
+                       r'^advice: speeds .*1\.88 in place of 0\.3 rad.*is there a factor 2π'),
     'int.py': HandIn(program(('translation.y = y', 'translation.y = 0')),
                      'ok', r'all numbers are floats \(an int in line 42\)'),
     'called.py': HandIn(program(('self.create_timer(0.02, self.send)',
