@@ -254,8 +254,9 @@ CHAOS = {
                       r'ValueError: \\x1b\[2K\\x1b\[1A'),
 
     # The arm of this package
+    # A program of this name hides the package from itself.
     'imports_package.py': HandIn('from dummy_arm.dummy_arm import main\nmain()\n', 'not ok',
-                                 _IS_OURS),
+                                 rf"{_IS_OURS}|'dummy_arm' is not a package"),
     **{f'starts_package_{i}.py': HandIn(
         limited(f'subprocess.run([sys.executable, "-c", {code!r}], cwd="/")'), 'not ok', _IS_OURS)
         for i, code in enumerate(_STARTS)}}
