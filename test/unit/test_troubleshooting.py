@@ -104,6 +104,14 @@ def test_the_page_lists_the_codes_of_causes():
     assert re.findall('`(.*?)`', listed) == sorted(RULES)
 
 
+def test_the_table_of_severities_has_all_codes():
+    """In commands.md; some findings are less severe in some cases."""
+    rows = re.findall(r'^\| (error|warning|info) \| (.*) \|$',
+                      (ROOT / 'docs' / 'commands.md').read_text(), re.M)
+    assert {code: severity for severity, codes in rows for code in re.findall('`(.*?)`', codes)
+            } == {code: check.severity for code, check in CHECKS.items()}
+
+
 @pytest.mark.parametrize('heading', PROVOKED)
 def test_a_symptom_leads_to_its_section(logs, heading):
     """The error or the finding has the words of the symptom, and names the section."""
