@@ -326,6 +326,7 @@ def test_the_names_of_reports(tmp_path, monkeypatch):
 
 
 @on_linux
+@pytest.mark.filterwarnings('ignore:Python 3.14 will')  # of tarfile
 def test_a_hand_in_whose_arm_may_be_right(tmp_path):
     """A folder without dummy_arm.py, and what is not text, is not judged; each remedy helps."""
     def assert_not_judged(path, remedy):

@@ -89,7 +89,7 @@ def test_times_of_numpy():
     for convert in nanoseconds_or_int, exact_time, in_seconds:
         for kind in np.datetime64, np.timedelta64:
             with pytest.raises(ValueError, match='time must be valid, got NaT'):
-                convert(kind('NaT'))
+                convert(kind('NaT', 'ns'))
 
 
 @pytest.mark.parametrize(('time', 'text'), [
