@@ -51,13 +51,12 @@ subprocess.Popen.terminate = subprocess.Popen.kill
 faulthandler.register(signal.SIGUSR1)  # for `Program.place`
 path = os.environ.pop('CHECK_ARM_PROGRAM')
 sys.argv = [path]
-folder, name = os.path.split(path)
-sys.path[:0] = [os.path.dirname(folder), folder]
+sys.path.insert(0, os.path.dirname(path))
 """
-#: It runs the program as a file, or as a module of its package.
+#: It runs the program as a file, or as a module of its package `dummy_arm`.
 _AS_FILE = "runpy.run_path(path, run_name='__main__')"
-_AS_MODULE = ("runpy.run_module(f'{os.path.basename(folder)}.{name[:-3]}', run_name='__main__', "
-              "alter_sys=True)")
+_AS_MODULE = """sys.path.insert(0, os.path.dirname(sys.path[0]))
+runpy.run_module('dummy_arm.dummy_arm', run_name='__main__', alter_sys=True)"""
 #: Why a callback is None, and why input() fails.
 _CALLED = (': a function is called where it should be passed, as in create_timer(0.02, '
            'self.tick()): write self.tick')
@@ -170,11 +169,11 @@ class Program:
         #: Where a number of a message is an int; 0: nowhere.
         self.int_line = _line_with_int(tree)
         self._mere_name = _mere_name(tree)
-        self._name, self._original = path.name, path.parent.absolute()
+        self._name, self._original = path.name, Path(os.path.abspath(path.parent))
         self._folder = Path(directory, 'copy', self._original.name)
         _copy(path, self._folder)
-        is_module = path.suffix == '.py' and path.stem.isidentifier() and (
-            self._original.name.isidentifier() and (self._folder / '__init__.py').is_file())
+        is_module = (self._folder / '__init__.py').is_file() and (
+            self._original.name == 'dummy_arm' and path.name == 'dummy_arm.py')
         self._arguments = ['-c', _RUN + (_AS_MODULE if is_module else _AS_FILE) + (
             '["main"]()' * _has_uncalled_main(tree))]
         Path(directory, 'sitecustomize.py').write_text(_ITS_OWN)

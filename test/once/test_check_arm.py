@@ -36,16 +36,20 @@ def test_programs(start, tmp_path):
 
 def test_a_program_in_a_package(start, tmp_path):
     """It can import from its package, as with `ros2 run`, or what lies beside it."""
-    for module in '.tools', 'dummy_arm.tools', 'tools':
-        package = tmp_path / f'ws {module}' / 'src/dummy_arm/dummy_arm'
+    folders = {f'ws {module}/src/dummy_arm/dummy_arm': module for module in (
+        '.tools', 'dummy_arm.tools', 'tools')}
+    # A folder with another name is no package, whatever is in it.
+    for folder, module in {**folders, 'math': 'tools', 'tools': 'tools'}.items():
+        package = tmp_path / folder
         package.mkdir(parents=True)
         (package / '__init__.py').touch()
         (package / 'tools.py').write_text('HALF = 0.5\n')
         (package / 'dummy_arm.py').write_text(program(
             ('import rclpy\n', f'import rclpy\n\nfrom {module} import HALF\n'),
             ("\n\nif __name__ == '__main__':\n    main()\n", '\n')))
-    names = [path.name for path in tmp_path.iterdir()]
-    process = start(*tool('check_arm', *names), cwd=tmp_path)
+    names = ['..', *(f'../../{path.name}' for path in tmp_path.iterdir())]
+    (package / 'sub').mkdir()
+    process = start(*tool('check_arm', '--jobs', '6', *names), cwd=package / 'sub')
     assert process.exit_code(120.0) == 0
     assert sorted(process.output.splitlines()) == sorted(f'{name}: ok' for name in names)
 

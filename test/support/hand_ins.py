@@ -254,9 +254,8 @@ CHAOS = {
                       r'ValueError: \\x1b\[2K\\x1b\[1A'),
 
     # The arm of this package
-    # A program of this name hides the package from itself.
-    'imports_package.py': HandIn('from dummy_arm.dummy_arm import main\nmain()\n', 'not ok',
-                                 rf"{_IS_OURS}|'dummy_arm' is not a package"),
+    'imports_package.py': HandIn('import sys\nsys.path.pop(0)\nfrom dummy_arm.dummy_arm import '
+                                 'main\nmain()\n', 'not ok', _IS_OURS),
     **{f'starts_package_{i}.py': HandIn(
         limited(f'subprocess.run([sys.executable, "-c", {code!r}], cwd="/")'), 'not ok', _IS_OURS)
         for i, code in enumerate(_STARTS)}}
