@@ -185,7 +185,7 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     if every is not None:  # from the first stamp on at which a row is possible
         is_beyond, _ = gaps.beyond_ends(edges, stamps)
         first = stamps[is_beyond.argmin()] + twist * TWIST_INTERVAL // 2
-        stamps = stamps[stamps >= min(first, stamps.max())]
+        stamps = np.append(min(first, stamps.max()), stamps[stamps > first])
     times = _times(stamps, found.span, every, start, stop)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
