@@ -102,7 +102,7 @@ def too_many_samples(child: str, authority: str, of_frame: int, of_buffer: int) 
 
 def expired(child: str, count: int, total: int, is_full: bool, cache_time: int, argument: str
             ) -> str:
-    why = ('the buffer is full. Create it with a larger max_samples, or a longer cache_time'
+    why = ('the buffer is full. Create it with max_samples=None, which has no limit'
            if is_full else 'they are older than the newest one by more than cache_time, '
            f'{cache_text(cache_time)}. Create the buffer with {argument}, or '
            'TransformBuffer(cache_time=None), which keeps all')
@@ -152,13 +152,13 @@ class ThrottledLog:
         self._next_times[cause] = now + silence
         return True
 
-    def flush(self) -> None:
+    def flush(self, silence: float = 1.0) -> None:
         for _ in range(len(self._queue)):
             try:
                 cause, text, end = self._queue.popleft()
             except IndexError:  # another thread has written it
                 return
-            if self.is_due(cause):
+            if self.is_due(cause, silence):
                 self.write(text + end())
             else:
                 self._queue.append((cause, text, end))

@@ -1,6 +1,7 @@
 """Conversion of times and durations of ROS to nanoseconds."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime, timedelta
 from math import isfinite
 from numbers import Real
@@ -46,7 +47,8 @@ def written(number: Any, kind: str) -> str:
     if isinstance(number, timedelta) and kind == 'Duration':
         number = number.total_seconds()
     if isinstance(number, np.timedelta64 if kind == 'Duration' else np.datetime64):
-        return f'{kind}(nanoseconds={nanoseconds_or_int(number)})'
+        with suppress(ValueError, OverflowError):  # NaT, and other centuries
+            return f'{kind}(nanoseconds={nanoseconds_or_int(number)})'
     is_number = isinstance(number, Real) and not isinstance(number, (bool, np.timedelta64))
     return (f'{kind}(seconds={number})' if is_number and 0 <= number < _MOST_SECONDS else
             f'{kind}(nanoseconds={int(number)})'

@@ -399,10 +399,22 @@ def test_a_call_with_more_than_the_cache_time(caplog):
 @pytest.mark.parametrize(('options', 'kept'), [
     ({'cache_time': None, 'max_samples': 500}, 500), ({'cache_time': S}, 10_000)])
 def test_a_call_with_more_than_fits(caplog, options, kept):
-    stamps = T + np.arange(20_000)
-    assert TransformBuffer(**options).insert_many(
-        stamps, 'map', 'tool', np.tile((1.0, 0.0, 0.0, *STILL), (20_000, 1))) is False
+    rows = T + np.arange(20_000), 'map', 'tool', np.tile((1.0, 0.0, 0.0, *STILL), (20_000, 1))
+    assert TransformBuffer(**options).insert_many(*rows) is False
     assert f'in one call, {20_000 - kept} are not kept: the buffer is full' in caplog.text
+    assert TransformBuffer(**options | {'max_samples': None}).insert_many(*rows)
+
+
+def test_a_buffer_that_was_full_is_not_blamed_later(caplog):
+    """What is older than the cache time is, and what is refused as old is no part of that."""
+    buffer = TransformBuffer(S)
+    for i in range(10_001):
+        buffer.insert(T + i, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))
+    poses = np.tile((1.0, 0.0, 0.0, *STILL), (100, 1))
+    assert not buffer.insert_many(T - 100 * S + np.arange(100), 'map', 'tool', poses)
+    assert 'TF_EXPIRED' not in caplog.text
+    assert not buffer.insert_many(T + 100 * S + S * np.arange(100), 'map', 'tool', poses)
+    assert '97 are not kept: they are older than the newest one by more than cache' in caplog.text
 
 
 @pytest.mark.parametrize('time', [
