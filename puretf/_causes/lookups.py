@@ -71,11 +71,6 @@ def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
         yield Evidence('The time is a Duration')
 
 
-def _takes_dates(facts: Facts, time: int) -> bool:
-    """Return whether a user inserts stamps in ns, and a time (ns) is a date, not simulated."""
-    return facts.buffer.takes_ns and time > SINCE_START
-
-
 def _unit(facts: Facts) -> str:
     """Return the unit in which the time of a lookup is within the data; '' if it may be in ns."""
     oldest, latest = facts.edge.oldest, facts.edge.latest
@@ -96,7 +91,8 @@ def _stamps_in_seconds(facts: Facts) -> Iterator[Evidence]:
         yield Evidence(f'That time is the newest stamp of {quoted(facts.edge.shorter)}, and '
                        f'within these data if it is in {unit}')
     oldest, latest = facts.edge.oldest, facts.edge.latest
-    for unit, size in UNITS.items() if _takes_dates(facts, facts.time) else ():
+    is_date = facts.buffer.takes_ns and facts.time > SINCE_START
+    for unit, size in UNITS.items() if is_date else ():
         # Stamps in ns that are read in another unit are years apart.
         if oldest * size <= facts.time < (latest + 1) * size and (latest - oldest) * size <= DAY:
             yield Evidence(f'That time is within the data if their stamps are in {unit}')
@@ -202,7 +198,8 @@ def _refusals(code: str, what: str, facts: Facts) -> Iterator[Evidence]:
         return
     for name in [edge.child] if edge.child else dict.fromkeys((*facts.names, *facts.roots)):
         refusals = facts.buffer.refusals(name)
-        if code == max(refusals.keys() - {'nanosec'}, key=refusals.__getitem__, default=''):
+        if code == max((each for each in refusals if each != 'nanosec'),
+                       key=lambda each: refusals[each][0], default=''):
             count, authority = refusals[code]
             yield Evidence(f'{_refused(count, name, _senders(facts, name, authority))}: {what}')
 
@@ -239,7 +236,7 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
                 if facts.symptom == 'future' else facts.time <= edge.refused_stamp + RECENT)
     if edge.refused and is_cause:
         unit = (unit_of(edge.refused_stamp, edge.latest)
-                if _takes_dates(facts, edge.latest) else '')
+                if facts.buffer.takes_ns and edge.latest > SINCE_START else '')
         old, new = map(around.node_of, (edge.refused_authority, edge.authority))
         yield Evidence(
             f'{_refused(edge.refused, edge.child, [old])}, since one at {exact_time(edge.latest)}'
