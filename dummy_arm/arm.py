@@ -79,6 +79,5 @@ class Wave:
 
     def with_release(self, t: float) -> 'Wave':
         """Return this wave with the joint, if it is held, released at the time t."""
-        if self.held_at is None:
-            return self
-        return replace(self, held_at=None, start=self.angle(t), changed=t)
+        return self if self.held_at is None else replace(
+            self, held_at=None, start=self.angle(t), changed=t)

@@ -558,20 +558,20 @@ def _found(observation: Observation, verdict: Verdict
         if topic.topic in observation.off_clock:
             continue  # see message_other_clock
         is_waiting = verdict == Verdict.WAITS
-        topic = _without_gaps(observation, topic) if is_waiting else topic
-        found = (topic.verdicts == verdict) & (topic.waits >= LONG_WAIT * is_waiting)
+        verdicts = _without_gaps(observation, topic) if is_waiting else topic.verdicts
+        found = (verdicts == verdict) & (topic.waits >= LONG_WAIT * is_waiting)
         if found.any() and found.sum() >= SHARE * topic.number_of(verdict):
             yield topic, found
 
 
-def _without_gaps(observation: Observation, topic: MessageTimes) -> MessageTimes:
-    """Judge no messages that wait for the end of a gap, which is reported."""
+def _without_gaps(observation: Observation, topic: MessageTimes) -> NDArray[np.int64]:
+    """Return the verdicts without those on messages that wait for the end of a reported gap."""
     verdicts = topic.verdicts.copy()
     for track, gaps, _ in observation.gaps:
         edges = [i for i, child in enumerate(topic.children) if child == track.child]
         before = np.maximum.accumulate(track.stream.stamps).searchsorted(topic.stamps) - 1
         verdicts[np.isin(topic.edge_numbers, edges) & np.isin(before, gaps)] = Verdict.NOT_JUDGED
-    return topic._replace(verdicts=verdicts)
+    return verdicts
 
 
 def _by_edge(observation: Observation, verdict: Verdict) -> Iterable[tuple[str, _Messages]]:
@@ -788,11 +788,10 @@ def _start_again(node: str) -> str:
         'more often.', 'future', severity=WARNING, needs=('headers', 'messages'))
 def _message_early(observation: Observation) -> Iterator[_Fault]:
     """Find messages that arrive 0.1 s or more before the transforms of their stamps."""
-    queues = {topic.topic: topic.queue() for topic in observation.message_times}  # as in the table
     for child, topics in _by_edge(observation, Verdict.WAITS):
         first = min(int(topic.stamps[found].min()) for topic, found in topics)
-        largest = max(topic.quantiles()[-1] for topic, _ in topics)
-        size = max(queues[topic.topic] for topic, _ in topics)
+        largest = max(int(topic.waits[found].max()) for topic, found in topics) / SECOND
+        size = max(topic.queue() for topic, _ in topics)
         instead = ('correct the clock that stamps the messages' if _lead(topics) else
                    'make the publisher send the transforms sooner, or more often')
         yield _of_messages(

@@ -382,8 +382,7 @@ class BagObserver:
         not_known = {'listeners': 'a bag does not record the listeners'}
         if any({*topic.durabilities} <= {'UNKNOWN'} for topic in latched):
             not_known['qos'] = 'the bag does not record the QoS of the publishers'
-        is_whole = bag.is_whole and not statistics.malformed
-        if not is_whole:
+        if not bag.is_whole:
             not_known['messages'] = 'a part of the recording is missing or damaged'
         if not nodes:
             not_known['nodes'] = 'the bag does not record which node has sent a message'
@@ -400,7 +399,7 @@ class BagObserver:
             for durability in topic.durabilities.elements()
             if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN')]
         return Observation(
-            statistics, f'in {"" if is_whole else "what is left of "}'
+            statistics, f'in {"" if bag.is_whole else "what is left of "}'
             f'{comma_list([str(bag.path), *other_files])}', own_topics, nodes=nodes,
             headers={topic.name: topic.headers for topic in topics if topic.headers.count},
             robots=self.robots.robots(), tf_topics=tf_topics, not_known=not_known,
@@ -408,7 +407,8 @@ class BagObserver:
             missing_part='' if has_static else bag.missing_part,
             left_out=[f'headers on {topic.name}: the definition of its type {topic.msgtype} is '
                       'not known' for topic in topics if topic.has_header is None]
-            + ['which waits of messages come from the missing part'] * (not is_whole),
+            + ['which waits of messages the missing or damaged part has caused'] * (
+                not bag.is_whole and any(topic.headers.count for topic in topics)),
             around=Surroundings(
                 topics=(static, dynamic), publishers=publishers, has_data=bool(tracks),
                 other_topics=others if all(track.is_static for track in tracks) else ()))

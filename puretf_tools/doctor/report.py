@@ -85,7 +85,8 @@ def examine(observed: Union[Paths, Bag, Observation], *, ignore: Collection[str]
     topics = [] if 'headers' in observed.not_known else [
         topic.row() for topic in observed.message_times
         if topic.judged or topic.count(Verdict.ZERO_STAMP)]
-    nothing = 'nothing found' if 'messages' in observed.not_known else 'healthy'
+    is_part = 'messages' in observed.not_known or observed.statistics.malformed
+    nothing = 'nothing found' if is_part else 'healthy'
     verdict = (f'{found or nothing}: {_count(observed.statistics.count, "transform")} of '
                f'{_count(len(observed.tree_of), "frame")} {observed.where}')
     if {each.is_static for each in observed.tracks} == {True}:
