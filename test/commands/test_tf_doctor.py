@@ -38,7 +38,7 @@ def often(monkeypatch):
         monkeypatch.setattr(module, '_SCAN_INTERVAL', 0.05)
 
 
-def run(ros, *arguments, publishers, send=lambda now: None, ticks=15):
+def run(ros, *arguments, publishers, send=lambda now: None, ticks=40):
     """
     Call the command; press Ctrl-C when it has heard the publishers for some time.
 

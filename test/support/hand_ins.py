@@ -254,7 +254,7 @@ CHAOS = {
                       r'ValueError: \\x1b\[2K\\x1b\[1A'),
 
     # The arm of this package
-    'imports_package.py': HandIn('import sys\nsys.path.pop(0)\nfrom dummy_arm.dummy_arm import '
+    'imports_package.py': HandIn('import sys\ndel sys.path[:2]\nfrom dummy_arm.dummy_arm import '
                                  'main\nmain()\n', 'not ok', _IS_OURS),
     **{f'starts_package_{i}.py': HandIn(
         limited(f'subprocess.run([sys.executable, "-c", {code!r}], cwd="/")'), 'not ok', _IS_OURS)
