@@ -98,8 +98,8 @@ def _observed(file: str, connection: Connection, program: Program, seconds: floa
         report = observer.report(program.int_line, '' if has_begun else program.place(), watch)
         program.check()
         fault = '' if report.passed else observer.listener.wrong_type_hint()
-        others = sorted({*ros_domains([each.pid for each in processes.descendants()])} - {domain})
-        if others and not observer.publishers and not report.passed:
+        if not observer.publishers and not report.passed and (others := sorted(
+                {*ros_domains([each.pid for each in processes.descendants()])} - {domain})):
             fault = (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; '
                      'the user sets the domain.')
         if not observer.messages and not fault and (nodes := observer.lifecycle_nodes()):
