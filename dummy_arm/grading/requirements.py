@@ -95,9 +95,7 @@ def check(arm: Arm) -> Report:
         'the joints use more than half of their limit': _use_of_limits(arm, needs),
         'each broadcaster is created once': _broadcasters(arm),
         'base_link is sent once': _base_sent_once(arm),
-        'no other frames on /tf and /tf_static': Line(
-            f'{len(arm.others)} other frames' if arm.samples else '',
-            f'Other frames: {comma_list(arm.others)}.' if arm.others else ''),
+        'no other frames on /tf and /tf_static': _other_frames(arm),
         'speeds of about 0.3, 0.5 and 0.7 rad/s': _usual_speeds(speeds.value or (), is_fixed),
         'all numbers are floats': _floats(arm)}
     return Report(lines, [line._replace(requirement=text, verdict=(
@@ -370,6 +368,11 @@ def _base_sent_once(arm: Arm) -> Line:
     count = int(samples.is_static.sum()) if samples else 0
     return Line(f'messages: {count}' if count else '', '' if count <= _MOST_STATIC else
                   'Send map → base_link once, in __init__: a late listener also receives it.')
+
+
+def _other_frames(arm: Arm) -> Line:
+    return Line(f'{len(arm.others)} other frames' if arm.samples else '',
+                  f'Other frames: {comma_list(arm.others)}.' if arm.others else '')
 
 
 def _usual_speeds(speeds: Sequence[float], has_fixed_step: bool) -> Line:
