@@ -41,7 +41,8 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(
             TFMessage, tf_static_topic, profile(1 if qos is None else qos, TF_STATIC),
             qos_overriding_options=qos_overriding_options)
-        self._node, self._sent = node, dict[str, Fields]()
+        self._node = node
+        self._sent: dict[str, Fields] = {}
         self._lock = RLock()  # because a signal handler may send, too
 
     def sendTransform(  # noqa: N802

@@ -4,14 +4,14 @@
 from puretf._ros.graph import broadcast
 
 # isort: split
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
 from typing import Any, Optional, Union
 
 from geometry_msgs.msg import TransformStamped
 import numpy as np
 from numpy.typing import ArrayLike
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -84,7 +84,7 @@ class TransformBroadcaster:
         :raises ValueError: if there is no edge, or if the names of an edge are invalid; see
             `sendTransform`.
         """
-        prepared = PreparedTransforms(partial(publish, self._node, self.pub_tf), edges)
+        prepared = PreparedTransforms(self._node, self.pub_tf, edges)
         self._note(child for _, child in prepared.edges)
         return prepared
 
@@ -92,9 +92,8 @@ class TransformBroadcaster:
 class PreparedTransforms:
     """A message on /tf whose frames stay the same; see `TransformBroadcaster.prepare`."""
 
-    def __init__(self, publish: Callable[[bytes], None], edges: Sequence[tuple[str, str]]
-                 ) -> None:
-        """Create a message that `publish` publishes; see `TransformBroadcaster.prepare`."""
+    def __init__(self, node: Node, publisher: Publisher, edges: Sequence[tuple[str, str]]) -> None:
+        """Create a message of a publisher; see `TransformBroadcaster.prepare`."""
         self.edges = tuple(edges)
         if not self.edges:
             raise ValueError('edges must contain at least one pair (frame_id, child_frame_id)')
@@ -105,7 +104,7 @@ class PreparedTransforms:
                                 f'got {described(edge)}')
             transform_stamped.check_edge(*edge)
         self._layout = Layout(CDR, self.edges)
-        self._publish = publish
+        self._node, self._publisher = node, publisher
 
     def send(self, stamp: Any, poses: 'ArrayLike') -> None:
         """
@@ -123,4 +122,4 @@ class PreparedTransforms:
         if not normalize_poses(values.copy()):
             for edge, pose in zip(self.edges, values.tolist()):
                 transform_stamped.check_pose(*edge, pose)
-        self._publish(data)
+        publish(self._node, self._publisher, data)
