@@ -71,12 +71,17 @@ def _time_is_duration(facts: Facts) -> Iterator[Evidence]:
         yield Evidence('The time is a Duration')
 
 
+def _takes_dates(facts: Facts, time: int) -> bool:
+    """Return whether a user inserts stamps in ns, and a time (ns) is a date, not simulated."""
+    return facts.buffer.takes_ns and time > SINCE_START
+
+
 def _unit(facts: Facts) -> str:
     """Return the unit in which the time of a lookup is within the data; '' if it may be in ns."""
-    oldest, latest = facts.edge.oldest, facts.edge.latest
-    is_ns = (facts.time >= SECOND and oldest < SINCE_START) or not facts.buffer.takes_ns
+    if not facts.buffer.takes_ns or (facts.time >= SECOND and facts.edge.oldest < SINCE_START):
+        return ''
     return next((unit for unit, size in UNITS.items()
-                 if not is_ns and oldest <= facts.time * size <= latest), '')
+                 if facts.edge.oldest <= facts.time * size <= facts.edge.latest), '')
 
 
 @_own_rule('time_in_seconds', 'Pass times in ns.', 'past', ['past'])
@@ -91,8 +96,7 @@ def _stamps_in_seconds(facts: Facts) -> Iterator[Evidence]:
         yield Evidence(f'That time is the newest stamp of {quoted(facts.edge.shorter)}, and '
                        f'within these data if it is in {unit}')
     oldest, latest = facts.edge.oldest, facts.edge.latest
-    is_date = facts.buffer.takes_ns and facts.time > SINCE_START
-    for unit, size in UNITS.items() if is_date else ():
+    for unit, size in UNITS.items() if _takes_dates(facts, facts.time) else ():
         # Stamps in ns that are read in another unit are years apart.
         if oldest * size <= facts.time < (latest + 1) * size and (latest - oldest) * size <= DAY:
             yield Evidence(f'That time is within the data if their stamps are in {unit}')
@@ -236,7 +240,7 @@ def _time_goes_back(facts: Facts) -> Iterator[Evidence]:
                 if facts.symptom == 'future' else facts.time <= edge.refused_stamp + RECENT)
     if edge.refused and is_cause:
         unit = (unit_of(edge.refused_stamp, edge.latest)
-                if facts.buffer.takes_ns and edge.latest > SINCE_START else '')
+                if _takes_dates(facts, edge.latest) else '')
         old, new = map(around.node_of, (edge.refused_authority, edge.authority))
         yield Evidence(
             f'{_refused(edge.refused, edge.child, [old])}, since one at {exact_time(edge.latest)}'
