@@ -108,19 +108,19 @@ class BufferBase(Generic[TimeT, DurationT, TransformT]):
             is_accepted &= self._engine.insert_many(
                 times[part], frame_id, child_frame_id, rows[part].astype(np.float64), authority)
         tree, log = self._engine.tree, self._engine.insertion.log
-        expired, is_full = bisect_left(order, times.item(order[-2]) - tree.cache_time,
-                                       key=times.item) if len(order) > 1 else 0, False
+        expired = len(order) > 1 and bisect_left(
+            order, times.item(order[-2]) - tree.cache_time, key=times.item)
+        left = 0  # how many do not fit
         with self._engine.lock:
             history = tree.histories.get(child_frame_id.removeprefix('/'))
             if is_accepted and history is not None and history.is_full:
                 left = bisect_left(order, history.oldest, key=times.item)
-                expired, is_full = max(expired, left), left > expired
-        if expired:
+        if lost := max(expired, left):
             log.warn('TF_EXPIRED', texts.expired(
-                child_frame_id, expired, len(order), is_full, tree.cache_time, longer_cache(
+                child_frame_id, lost, len(order), left > expired, tree.cache_time, longer_cache(
                     times.item(order[-1]) - times.item(order[0]), tree.takes_ns)), child_frame_id)
             log.flush(0.0)
-        return is_accepted and not expired
+        return is_accepted and not lost
 
     def remove(self, frame: str) -> None:
         """

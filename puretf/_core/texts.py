@@ -100,14 +100,13 @@ def too_many_samples(child: str, authority: str, of_frame: int, of_buffer: int) 
             'of other frames are dropped, too, if they are too many')
 
 
-def expired(child: str, count: int, total: int, is_full: bool, cache_time: int, argument: str
-            ) -> str:
+def expired(child: str, lost: int, total: int, is_full: bool, cache_time: int, longer: str) -> str:
     why = ('the buffer is full. Create it with max_samples=None, which has no limit'
            if is_full else 'they are older than the newest one by more than cache_time, '
-           f'{cache_text(cache_time)}. Create the buffer with {argument}, or '
+           f'{cache_text(cache_time)}. Create the buffer with {longer}, or '
            'TransformBuffer(cache_time=None), which keeps all')
     return (f'TF_EXPIRED: Of {total} transforms for child_frame_id "{_plain(child)}" in one call, '
-            f'{count} are not kept: {why}. This is logged once per frame')
+            f'{lost} are not kept: {why}. This is logged once per frame')
 
 
 class ThrottledLog:
