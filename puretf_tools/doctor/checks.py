@@ -553,25 +553,25 @@ _Messages = list[tuple[MessageTimes, NDArray[np.bool_]]]
 
 def _found(observation: Observation, verdict: Verdict
            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
-    """Yield the topics with many messages of a verdict, if they wait `LONG_WAIT`; and a mask."""
+    """Yield the topics with many messages of a verdict, those that wait long; and which."""
     for topic in observation.message_times:
         if topic.topic in observation.off_clock:
             continue  # see message_other_clock
-        is_waiting = verdict == Verdict.WAITS
-        verdicts = _without_gaps(observation, topic) if is_waiting else topic.verdicts
-        found = (verdicts == verdict) & (topic.waits >= LONG_WAIT * is_waiting)
+        found = topic.verdicts == verdict
+        if verdict == Verdict.WAITS:
+            found &= (topic.waits >= LONG_WAIT) & ~_await_gaps(observation, topic)
         if found.any() and found.sum() >= SHARE * topic.number_of(verdict):
             yield topic, found
 
 
-def _without_gaps(observation: Observation, topic: MessageTimes) -> NDArray[np.int64]:
-    """Return the verdicts without those on messages that wait for the end of a reported gap."""
-    verdicts = topic.verdicts.copy()
+def _await_gaps(observation: Observation, topic: MessageTimes) -> NDArray[np.bool_]:
+    """Return which messages wait for the end of a gap, which is reported."""
+    found = np.zeros(len(topic.stamps), np.bool_)
     for track, gaps, _ in observation.gaps:
         edges = [i for i, child in enumerate(topic.children) if child == track.child]
         before = np.maximum.accumulate(track.stream.stamps).searchsorted(topic.stamps) - 1
-        verdicts[np.isin(topic.edge_numbers, edges) & np.isin(before, gaps)] = Verdict.NOT_JUDGED
-    return verdicts
+        found |= np.isin(topic.edge_numbers, edges) & np.isin(before, gaps)
+    return found
 
 
 def _by_edge(observation: Observation, verdict: Verdict) -> Iterable[tuple[str, _Messages]]:
