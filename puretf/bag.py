@@ -229,7 +229,7 @@ class Bag(AbstractContextManager['Bag']):
             _log.warning('%s: skipped %d of %d TF messages, which cannot be decoded: %s',
                          self.path, times, contents.tf_count, fault)
         self._finish(contents)
-        contents.damage += faults
+        contents.damage += faults  # so that it is not whole
         frames = buffer.frames()
         if not frames:
             raise BagError(f'{self.path} has no valid transform in its TF messages '

@@ -182,7 +182,7 @@ def command(target_frame: Optional[str], source_frame: Optional[str], output: Op
     if found.listener:
         forget_signals()  # another one ends the command
     stamps = _stamps(found, *ends) if reader.stamps is None else reader.stamps
-    if every is not None:  # from the first stamp on at which a row is possible
+    if every is not None:  # from the first time on at which a row is possible
         is_beyond, _ = gaps.beyond_ends(edges, stamps)
         first = stamps[is_beyond.argmin()] + twist * TWIST_INTERVAL // 2
         stamps = np.append(min(first, stamps.max()), stamps[stamps > first])

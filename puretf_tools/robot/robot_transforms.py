@@ -1,7 +1,7 @@
 """The transforms of a robot from the positions of its joints; needs no ROS."""
 
 from collections.abc import Callable, Sequence
-from math import isfinite
+from math import inf, isfinite
 from time import monotonic
 from typing import Optional
 
@@ -84,10 +84,8 @@ class RobotTransforms:
             self._warned.difference_update(_OF_CLOCKS)
         self._now = now
         last = min([now, *(self._last.get(name, 0) for name in names)])
-        # The shortest time between two messages (ns), in whole milliseconds.
-        interval = 1_000_000 * int(min(1000.0 / self.publish_frequency, _LONGEST_INTERVAL)
-                                   if self.publish_frequency else 0.0)
-        if not self.ignore_timestamp and stamp < last + interval:
+        period = min(1000.0 / (self.publish_frequency or inf), _LONGEST_INTERVAL)  # ms
+        if not self.ignore_timestamp and stamp < last + int(period) * 1_000_000:
             if stamp == 0:
                 self._warn_once('ignored a JointState message with the stamp 0: set its '
                                 'header.stamp, or the parameter ignore_timestamp')
